@@ -1,0 +1,46 @@
+"""The one interface that all stages of the signal chain share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pzt_ros.physics.signals import Array, Rest, Signals
+
+State = Array
+"""A link's memory: a flat array of floats, so that it can be copied, stored and compared."""
+
+AMPLIFIER, ACTUATOR, SENSOR = "amplifier", "actuator", "sensor"
+SECTIONS = (AMPLIFIER, ACTUATOR, SENSOR)
+"""The parts of the chain that live in one device each, in the order of the signal."""
+
+
+def no_state() -> State:
+    """The state of a link without memory."""
+    return np.empty(0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link(ABC):
+    """One stage of the signal chain: parameters are fields, memory goes in and comes out.
+
+    A link is final: to change one a little, write another. `step` never changes the state it is given.
+    """
+
+    kind: ClassVar[str]
+    section: ClassVar[str]
+
+    @abstractmethod
+    def init(self, rest: Rest) -> State:
+        """The state at rest, before the first sample."""
+
+    @abstractmethod
+    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Pass a block of samples on towards the sensor."""
+
+    @abstractmethod
+    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """What has to come in so that the given block comes out; the state moves as in `step`."""

@@ -1,0 +1,53 @@
+"""What travels along the chain: one block of samples, each quantity an array of the same length."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """A block of samples on its way through the chain [every array: shape (n,), SI].
+
+    Between samples every signal is linear. Links read what they need and replace what they change.
+
+    Attributes:
+        time: sample times [s], strictly increasing.
+        voltage: the command before the amplifier's links, the voltage across the ceramic after them [V].
+        polarization: P [C/m^2]; set by the ferroelectric link.
+        phase_fraction: x+ [-]; set by the ferroelectric link.
+        displacement: y [m]; true up to the structure, as measured after the sensor's links.
+        temperature: [K], where it is known.
+    """
+
+    time: Array
+    voltage: Array | None = None
+    polarization: Array | None = None
+    phase_fraction: Array | None = None
+    displacement: Array | None = None
+    temperature: Array | None = None
+
+    def replace(self, **changes: Array) -> Signals:
+        """A copy with some quantities replaced."""
+        return dataclasses.replace(self, **changes)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The state of the world before the first sample.
+
+    Attributes:
+        time: of the rest point [s]; the first sample comes later (or at the same time, then its step is zero long).
+        voltage: at the ceramic's amplifier [V].
+        seed: of every random number the chain will draw.
+    """
+
+    time: float = 0.0
+    voltage: float = 0.0
+    seed: int = 0

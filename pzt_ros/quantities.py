@@ -1,0 +1,160 @@
+"""Parameters that carry a unit, and the way from text with a unit to SI and back.
+
+Inside the library every number is SI; the only place where `0.5 MV/m` becomes `5e5` is here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from pzt_ros.errors import BenchError
+
+BOLTZMANN: Final = 1.3806503e-23
+"""Boltzmann constant [J/K] as the thesis' programs have it; CODATA 2019 differs by 1e-6 relative."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a parameter is: unit in SI, bounds in SI, the symbol of the thesis, one sentence."""
+
+    unit: str
+    symbol: str
+    lower: float
+    upper: float
+    description: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A parameter that is one word out of a few."""
+
+    options: tuple[str, ...]
+    description: str
+
+
+def parameter(
+    default: float | None,
+    unit: str,
+    description: str,
+    *,
+    symbol: str = "",
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> Any:
+    """A dataclass field with a unit; `default` None makes it required [default and bounds in SI]."""
+    declared = Parameter(unit, symbol, *bounds, description)
+    value: Any = dataclasses.MISSING if default is None else default
+    return field(default=value, metadata={"parameter": declared})
+
+
+def choice(default: str, options: tuple[str, ...], description: str) -> Any:
+    """A dataclass field that takes one of a few words."""
+    return field(default=default, metadata={"choice": Choice(options, description)})
+
+
+def parameters_of(owner: Any) -> dict[str, Parameter]:
+    """The declared parameters of a dataclass or of one of its instances, by name."""
+    return {f.name: f.metadata["parameter"] for f in dataclasses.fields(owner) if "parameter" in f.metadata}
+
+
+def choices_of(owner: Any) -> dict[str, Choice]:
+    """The declared choices of a dataclass or of one of its instances, by name."""
+    return {f.name: f.metadata["choice"] for f in dataclasses.fields(owner) if "choice" in f.metadata}
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint  # 0.3 s to import: only those who read units pay for it
+
+    return pint.UnitRegistry()
+
+
+def to_si(value: Any, unit: str, where: str) -> float:
+    """A number in SI from text with a unit, such as `0.5 MV/m`.
+
+    Args:
+        value: text with a unit; a bare number only where `unit` is "1".
+        unit: the SI unit expected, "1" for a pure number.
+        where: how to name the value in an error, such as `p1.yaml: parametrized.temperature`.
+
+    Raises:
+        BenchError: unit missing, unknown or of another dimension; not a finite number.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise BenchError(f"{where}: {value!r} is not a number with a unit; write it like '1.5 {unit}'")
+    if isinstance(value, (int, float)):
+        if unit != "1":
+            raise BenchError(f"{where}: {value} has no unit; write '{value} {unit}' or another unit of that kind")
+        number = float(value)
+    else:
+        number = _parse(value, unit, where)
+    if not math.isfinite(number):
+        raise BenchError(f"{where}: {value} is not a finite number")
+    return number
+
+
+def _parse(text: str, unit: str, where: str) -> float:
+    import pint
+
+    try:
+        quantity = _registry().Quantity(text)
+        if unit != "1" and quantity.unitless:
+            raise BenchError(f"{where}: '{text}' has no unit; write it in {unit} or another unit of that kind")
+        return float(quantity.to("dimensionless" if unit == "1" else unit).magnitude)
+    except BenchError:
+        raise
+    except pint.DimensionalityError:
+        raise BenchError(f"{where}: '{text}' cannot be read as {unit}; give a unit of that kind") from None
+    except Exception:  # pint raises a dozen kinds for malformed text; to the reader they are one
+        raise BenchError(f"{where}: '{text}' is not a number with a known unit; write it like '1.5 {unit}'") from None
+
+
+def to_text(value: float, unit: str) -> str | float:
+    """The YAML form of an SI value: text with its unit, or the bare number where the unit is "1"."""
+    return float(value) if unit == "1" else f"{value:.12g} {unit}"
+
+
+def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
+    """An instance of a parameter dataclass from a mapping as YAML gives it.
+
+    Raises:
+        BenchError: unknown or missing key, bad unit, value outside its bounds, word that is no option.
+    """
+    if not isinstance(values, Mapping):
+        raise BenchError(f"{where}: expected 'name: value' lines, found {values!r}")
+    parameters, choices = parameters_of(cls), choices_of(cls)
+    known = {**parameters, **choices}
+    for key in values:
+        if key not in known:
+            raise BenchError(f"{where}: unknown parameter '{key}'; known are {', '.join(known)}")
+    required = [f.name for f in dataclasses.fields(cls) if f.name in known and f.default is dataclasses.MISSING]
+    for name in required:
+        if name not in values:
+            raise BenchError(f"{where}: parameter '{name}' is missing ({known[name].description})")
+    read: dict[str, Any] = {}
+    for key, value in values.items():
+        if key in parameters:
+            read[key] = to_si(value, parameters[key].unit, f"{where}.{key}")
+            check_bounds(read[key], parameters[key], f"{where}.{key}")
+        else:
+            read[key] = _option(value, choices[key], f"{where}.{key}")
+    return cls(**read)
+
+
+def check_bounds(value: float, declared: Parameter, where: str) -> None:
+    """Raise BenchError unless the SI `value` lies within the declared bounds."""
+    if not declared.lower <= value <= declared.upper:
+        raise BenchError(
+            f"{where}: {value:.6g} {declared.unit} is outside {declared.lower:.6g} to {declared.upper:.6g} {declared.unit}"
+            f" ({declared.description})"
+        )
+
+
+def _option(value: Any, declared: Choice, where: str) -> str:
+    if value not in declared.options:
+        raise BenchError(f"{where}: {value!r} is not one of {', '.join(declared.options)}")
+    return str(value)
