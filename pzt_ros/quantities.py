@@ -31,7 +31,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Choice:
-    """A parameter that is one word out of a few."""
+    """A parameter that is one word out of a few; with no options given, any word."""
 
     options: tuple[str, ...]
     description: str
@@ -52,7 +52,7 @@ def parameter(
 
 
 def choice(default: str, options: tuple[str, ...], description: str) -> Any:
-    """A dataclass field that takes one of a few words."""
+    """A dataclass field that takes one of a few words; any word where `options` is empty."""
     return field(default=default, metadata={"choice": Choice(options, description)})
 
 
@@ -115,7 +115,7 @@ def _parse(text: str, unit: str, where: str) -> float:
 
 def to_text(value: float, unit: str) -> str | float:
     """The YAML form of an SI value: text with its unit, or the bare number where the unit is "1"."""
-    return float(value) if unit == "1" else f"{value:.12g} {unit}"
+    return float(value) if unit == "1" else f"{float(value)!r} {unit}"
 
 
 def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
@@ -155,6 +155,6 @@ def check_bounds(value: float, declared: Parameter, where: str) -> None:
 
 
 def _option(value: Any, declared: Choice, where: str) -> str:
-    if value not in declared.options:
+    if not isinstance(value, str) or (declared.options and value not in declared.options):
         raise BenchError(f"{where}: {value!r} is not one of {', '.join(declared.options)}")
     return str(value)

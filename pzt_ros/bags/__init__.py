@@ -1,0 +1,33 @@
+"""Bags (rosbag2, MCAP storage) and CSV runs, written and read without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pzt_ros.records import RUN_COLUMNS, Record, read_csv
+
+
+def load_run(path: str | Path, required: Sequence[str] = RUN_COLUMNS, namespace: str = "/stage") -> Record:
+    """A measured run out of a CSV file, a bag folder or an .mcap file, chosen by what is there.
+
+    Raises:
+        BenchError: as `read_csv` and `record_from_bag`.
+    """
+    from pzt_ros.bags.reader import record_from_bag  # a CSV file must not pay for the bag libraries
+
+    if _is_bag(Path(path)):
+        return record_from_bag(path, namespace, [name for name in required if name != "time_s"])
+    return read_csv(path, required)
+
+
+def _is_bag(path: Path) -> bool:
+    from pzt_ros.bags.scan import MAGIC
+
+    if path.is_dir() or path.suffix in (".mcap", ".db3"):
+        return True
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False  # read_csv names what is wrong with the file

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+ABSENT: Array = np.empty(0)
+"""Stands where a quantity is not known (yet)."""
 
 
 @dataclass(frozen=True)
@@ -27,11 +30,11 @@ class Signals:
     """
 
     time: Array
-    voltage: Array | None = None
-    polarization: Array | None = None
-    phase_fraction: Array | None = None
-    displacement: Array | None = None
-    temperature: Array | None = None
+    voltage: Array = field(default_factory=lambda: ABSENT)
+    polarization: Array = field(default_factory=lambda: ABSENT)
+    phase_fraction: Array = field(default_factory=lambda: ABSENT)
+    displacement: Array = field(default_factory=lambda: ABSENT)
+    temperature: Array = field(default_factory=lambda: ABSENT)
 
     def replace(self, **changes: Array) -> Signals:
         """A copy with some quantities replaced."""

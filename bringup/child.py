@@ -1,0 +1,88 @@
+"""One supervised process: started, listened to, stopped."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from pzt_bringup.processes import ProcessRow
+
+ESCALATION = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
+"""Signals in turn, each with the time [s] it gets; the first leaves room for the amplifier's ramp to 0 V."""
+
+_PREFIX = "PZT_STATUS "
+
+
+class Child:
+    """A node's process. What its nodes say of themselves is in `status`, one entry per node."""
+
+    def __init__(self, row: ProcessRow, arguments: list[str], environment: dict[str, str], log: Path) -> None:
+        self.row = row
+        self.status: dict[str, dict[str, Any]] = {}
+        self._log = open(log, "wb")  # noqa: SIM115 - as long as the process
+        # A session of its own: Ctrl-C reaches the supervisor alone, which stops the nodes in the right order.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", row.module, *arguments],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            start_new_session=True,
+        )
+        self._listener = threading.Thread(target=self._listen, name=f"listen-{row.name}", daemon=True)
+        self._listener.start()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it lives."""
+        return self._process.poll()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for raw in self._process.stdout:
+            line = raw.decode("utf-8", "replace")
+            if line.startswith(_PREFIX):
+                try:
+                    status = json.loads(line[len(_PREFIX) :])
+                except json.JSONDecodeError:
+                    continue  # the last line of a killed process
+                self.status[status["node"]] = status
+            else:
+                self._log.write(raw)
+
+    def ask_to_stop(self) -> None:
+        """Send the first, friendly signal."""
+        if self.exit_code is None:
+            self._process.send_signal(ESCALATION[0][0])
+
+    def stop(self) -> int:
+        """See to it that the process is gone; returns its exit code."""
+        for number, patience in ESCALATION:
+            if self.exit_code is not None:
+                break
+            self._process.send_signal(number)
+            try:
+                self._process.wait(patience)
+            except subprocess.TimeoutExpired:
+                continue
+        self._listener.join(1.0)
+        self._log.close()
+        return self._process.wait()
+
+    def wait_stopped(self, patience: float) -> bool:
+        """Wait for the process to end by itself; whether it did within `patience` [s]."""
+        deadline = time.monotonic() + patience
+        while self.exit_code is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return self.exit_code is not None

@@ -1,0 +1,151 @@
+"""What a bringup is going to do, and the files of its run folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pzt_bringup.processes import COMPOSED, SEPARATE, ProcessRow
+from pzt_config.topics import NODES
+from pzt_ros.errors import BenchError
+from pzt_ros.quantities import parameters_of
+from pzt_ros.scenario import Scenario, Timing
+
+RATES = ("as fast as possible", "real time")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One run of the graph.
+
+    Attributes:
+        scenario: what is done.
+        folder: of the run; bag, logs, parameters and `run.json` go there.
+        composed: all nodes in one process.
+        rate: "as fast as possible" or "real time".
+        duration: cut the scenario after this time [s]; None for its full length.
+        domain: ROS domain.
+        namespace: of the axis.
+    """
+
+    scenario: Scenario
+    folder: Path
+    composed: bool
+    rate: str
+    duration: float | None
+    domain: int
+    namespace: str = "/stage"
+
+    @property
+    def processes(self) -> tuple[ProcessRow, ...]:
+        """The rows of the process table that are started."""
+        return COMPOSED if self.composed else SEPARATE
+
+    @property
+    def bag(self) -> Path:
+        """Folder of the bag."""
+        return self.folder / "bag"
+
+    def log(self, process: str) -> Path:
+        """Where a process' stderr goes."""
+        return self.folder / "log" / f"{process}.log"
+
+    @property
+    def parameter_file(self) -> Path:
+        """The ROS parameters of every node."""
+        return self.folder / "parameters.yaml"
+
+
+def prepare(plan: Plan) -> None:
+    """Make the run folder with everything that is needed to repeat the run.
+
+    Raises:
+        BenchError: the folder holds a run already, or cannot be written.
+    """
+    if plan.rate not in RATES:
+        raise BenchError(f"rate '{plan.rate}' is not one of {', '.join(RATES)}")
+    if plan.bag.exists():
+        raise BenchError(f"{plan.folder} holds a run already ({plan.bag.name}/ is there); choose another --out")
+    try:
+        (plan.folder / "log").mkdir(parents=True, exist_ok=True)
+        plan.parameter_file.write_text(yaml.safe_dump(node_parameters(plan), sort_keys=False), encoding="utf-8")
+        shutil.copyfile(plan.scenario.source, plan.folder / "scenario.yaml")
+        (plan.folder / "run.json").write_text(json.dumps(_provenance(plan), indent=1), encoding="utf-8")
+    except OSError as error:
+        raise BenchError(f"run folder {plan.folder} cannot be written: {error.strerror}") from None
+
+
+def node_parameters(plan: Plan) -> dict[str, Any]:
+    """The content of the ROS parameter file: each node's section."""
+    s = plan.scenario
+    timing = {name: float(getattr(s.timing, name)) for name in parameters_of(Timing)}
+    common: dict[str, Any] = {**timing, "nodes": ",".join(NODES)}
+    own: dict[str, dict[str, Any]] = {
+        "recorder": {"bag": str(plan.bag), "nodes": common["nodes"]},
+        "amplifier": {"chain": s.plant, "limits": _values(s.limits)},
+        "plant": {"chain": s.plant, "rate": plan.rate},
+        "sensor": {"chain": s.plant},
+        "observer": {"model": s.model, "observer": s.observer.kind, s.observer.kind: _values(s.observer)},
+        "controller": {"model": s.model, **{name: _values(c) for name, c in s.controllers.items() if _values(c)}},
+        "experiment": {"scenario": str(s.source), "duration": float(plan.duration or 0.0)},
+    }
+    prefix = plan.namespace.rstrip("/")
+    return {
+        f"{prefix}/{node}": {"ros__parameters": values if node == "recorder" else {**common, **values}}
+        for node, values in own.items()
+    }
+
+
+def _values(owner: Any) -> dict[str, float]:
+    return {name: float(getattr(owner, name)) for name in parameters_of(owner)}
+
+
+def _provenance(plan: Plan) -> dict[str, Any]:
+    packages = ("pzt_ros", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp", "numpy", "numba", "scipy")
+    return {
+        "scenario": plan.scenario.name,
+        "plant": plan.scenario.plant,
+        "model": plan.scenario.model,
+        "seed": plan.scenario.seed,
+        "simulated": True,
+        "namespace": plan.namespace,
+        "composed": plan.composed,
+        "rate": plan.rate,
+        "domain": plan.domain,
+        "command": sys.argv,
+        "versions": {name: _version(name) for name in packages} | {"python": sys.version.split()[0]},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def environment(plan: Plan) -> dict[str, str]:
+    """What every process of the graph finds in its environment; the user's own settings win."""
+    profile = Path(str(resources.files("pzt_config"))) / "fastdds.xml"
+    defaults = {
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
+        "ROS_LOG_DIR": str(plan.folder / "log" / "ros"),
+        "RCUTILS_COLORIZED_OUTPUT": "0",
+    }
+    ours = {
+        "ROS_DOMAIN_ID": str(plan.domain),
+        "PZT_STATUS": "1",
+        "PZT_PARENT": str(os.getpid()),
+        "PYTHONUNBUFFERED": "1",
+    }
+    return {**defaults, **os.environ, **ours}

@@ -1,0 +1,32 @@
+"""The process table: what is started, in which order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pzt_config.topics import NODES
+
+
+@dataclass(frozen=True)
+class ProcessRow:
+    """One process of the graph.
+
+    Attributes:
+        name: for people.
+        module: run with `python -m`.
+        nodes: it holds.
+    """
+
+    name: str
+    module: str
+    nodes: tuple[str, ...]
+
+
+SEPARATE = tuple(ProcessRow(node, f"pzt_nodes.{node}_node", (node,)) for node in NODES)
+"""One process per node, in the order of starting: the recorder first, so that it misses nothing, the experiment last."""
+
+COMPOSED = (ProcessRow("graph", "pzt_nodes.composed", NODES),)
+"""All nodes in one process."""
+
+STOP_ORDER = ("experiment", "controller", "amplifier", "observer", "sensor", "plant", "graph", "recorder")
+"""The commands end first, then the amplifier ramps to 0 V while the others still watch; the recorder sees it all."""

@@ -1,0 +1,23 @@
+"""QoS profiles by name (docs/decisions/0003 has the measurements behind them)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Reliability, history depth and durability of a topic; the recorder keeps `recorder_depth`."""
+
+    reliability: str
+    depth: int
+    durability: str = "volatile"
+    history: str = "keep_last"
+    recorder_depth: int = 1000
+
+
+QOS: dict[str, Profile] = {
+    # "Reliable" with keep-last still overwrites: depth is what prevents loss. Ten blocks are 50 ms of a 20 kHz stream.
+    "stream": Profile("reliable", 10),
+    "diagnostics": Profile("reliable", 20),
+}

@@ -1,0 +1,99 @@
+"""The topic table: every topic of the graph, once.
+
+Names are relative to the axis namespace (`/stage` by default). A block is a `std_msgs/Float64MultiArray` whose layout names its
+columns (docs/topics.md). Publishers and subscribers are the nodes of the graph; anybody else may join.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+BLOCK = "std_msgs/msg/Float64MultiArray"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+FLOAT = "std_msgs/msg/Float64"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic.
+
+    Attributes:
+        name: relative to the axis namespace, or absolute.
+        type: ROS message type.
+        publisher: the node that publishes it; "*" for every node.
+        subscribers: the nodes that need it (the recorder takes all that is `logged`).
+        columns: of a block; empty for other messages.
+        qos: name of a profile in `qos.py`.
+        rate: how often it is said, for people.
+        description: one line, for people.
+        logged: whether the recorder writes it to the bag.
+    """
+
+    name: str
+    type: str
+    publisher: str
+    subscribers: tuple[str, ...]
+    columns: tuple[str, ...] = ()
+    qos: str = "stream"
+    rate: str = "one per block"
+    description: str = ""
+    logged: bool = True
+
+    @property
+    def is_block(self) -> bool:
+        """Whether it carries blocks of samples."""
+        return self.type == BLOCK
+
+
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        Topic("reference", BLOCK, "experiment", ("controller",), ("time_s", "displacement_m"),
+              description="displacement asked of the next block"),
+        Topic("voltage_reference", BLOCK, "experiment", ("controller",), ("time_s", "voltage_V"),
+              description="drive voltage asked of the next block, instead of a displacement (poling, characterisation)"),
+        Topic("drive", BLOCK, "controller", ("amplifier",), ("time_s", "command_voltage_V"),
+              description="command to the amplifier for the next block"),
+        Topic("applied", BLOCK, "amplifier", ("plant", "observer", "controller"),
+              ("time_s", "voltage_V", "current_A", "charge_C"),
+              description="what the amplifier put out: voltage across the ceramic, current, charge (Sawyer-Tower)"),
+        Topic("truth", BLOCK, "plant", ("sensor",),
+              ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction"),
+              description="simulation only: what really happened"),
+        Topic("measurement", BLOCK, "sensor", ("observer", "controller", "experiment"), ("time_s", "displacement_m"),
+              description="the sensor's reading; the heartbeat of the graph"),
+        Topic("estimate", BLOCK, "observer", ("controller",),
+              ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction", "innovation_m", "disturbance_m"),
+              description="the observer's view of the block just measured"),
+        Topic("joint_states", JOINT_STATE, "sensor", (), rate="at most 100 Hz",
+              description="measured position [m] and velocity [m/s], for plotters"),
+        Topic("reference_joint_states", JOINT_STATE, "experiment", (), rate="at most 100 Hz",
+              description="reference position [m] and velocity [m/s], for plotters"),
+        Topic("voltage", FLOAT, "amplifier", (), rate="at most 100 Hz", description="voltage across the ceramic [V]"),
+        Topic("tracking_error", FLOAT, "controller", (), rate="at most 100 Hz",
+              description="reference minus measurement [m]"),
+        Topic("/diagnostics", DIAGNOSTICS, "*", (), qos="diagnostics", rate="1 Hz",
+              description="level, reason and counters of every node"),
+    )
+}  # fmt: skip
+
+NODES = ("recorder", "amplifier", "plant", "sensor", "observer", "controller", "experiment")
+"""The nodes of the simulated graph. On hardware there is no plant."""
+
+
+def published_by(node: str) -> tuple[Topic, ...]:
+    """The topics a node publishes."""
+    return tuple(topic for topic in TOPICS.values() if topic.publisher in (node, "*"))
+
+
+def subscribed_by(node: str) -> tuple[Topic, ...]:
+    """The topics a node needs."""
+    if node == "recorder":
+        return tuple(topic for topic in TOPICS.values() if topic.logged)
+    return tuple(topic for topic in TOPICS.values() if node in topic.subscribers)
+
+
+def readers_of(topic: Topic, nodes: tuple[str, ...]) -> int:
+    """How many of `nodes` read a topic."""
+    return sum(topic in subscribed_by(node) for node in nodes)

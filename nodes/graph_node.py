@@ -1,0 +1,172 @@
+"""What all nodes share: topics from the table, readiness, health, and how they are spun and stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from pzt_config.qos import QOS
+from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
+from pzt_nodes.messages import TYPES, block_message, diagnostics
+from pzt_nodes.parameters import declare_all, declare_text
+from pzt_ros.blocks import Block, BlockError, read_block
+from pzt_ros.chains import load_chain
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Rest
+from pzt_ros.scenario import Timing
+
+PLOT_RATE = 100.0
+"""The decimated topics for plotters are published at most this often [Hz]."""
+
+
+class GraphNode(Node):
+    """A node whose topics come from the table.
+
+    Children call `publish` and `listen`, say how they are with `health`, and keep their work in one library object.
+    """
+
+    def __init__(self, name: str, *, needs_timing: bool = True) -> None:
+        super().__init__(name, namespace="/stage")  # remap __ns for another axis
+        self.role = name
+        self.counts: Counter[str] = Counter()
+        self.ticks = 0
+        self.exit_code: int | None = None
+        self._publishers_by_topic = {topic.name: self._publisher(topic) for topic in published_by(name)}
+        self._plotted: dict[str, float] = {}
+        if needs_timing:
+            self.timing = declare_all(self, "", Timing(), read_only=True)
+            self.sample_rate = self.timing.sample_rate
+            self.block_size = int(self.timing.block_size)
+            self.rest = Rest(seed=int(self.timing.seed))
+        self.peers = tuple(
+            declare_text(self, "nodes", ",".join(NODES), "nodes of this graph, comma separated").split(",")
+        )
+        self._report_to_supervisor = os.environ.get("PZT_STATUS") == "1"  # set by bringup: a line of JSON on stdout
+        self._last_report = (time.monotonic(), 0)
+        self._was_ready = False
+        self.create_timer(1.0, self._report)
+        self._readiness_timer = self.create_timer(0.05, self._watch_readiness)
+
+    # -- topics
+
+    def _qos(self, topic: Topic, depth: int | None = None) -> QoSProfile:
+        profile = QOS[topic.qos]
+        return QoSProfile(
+            depth=depth or profile.depth,
+            reliability=ReliabilityPolicy[profile.reliability.upper()],
+            durability=DurabilityPolicy[profile.durability.upper()],
+        )
+
+    def _publisher(self, topic: Topic) -> Any:
+        return self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic))
+
+    def listen(self, name: str, callback: Callable[[Block], None]) -> None:
+        """Call `callback` with every block on a topic; what is no block with the table's columns is counted and dropped."""
+        topic = TOPICS[name]
+
+        def receive(message: Any) -> None:
+            try:
+                block = read_block(message)
+            except BlockError as error:
+                self.refuse(name, str(error))
+                return
+            if block.columns != topic.columns:
+                self.refuse(name, f"columns are {','.join(block.columns)}, expected {','.join(topic.columns)}")
+                return
+            callback(block)
+
+        self.create_subscription(TYPES[topic.type], name, receive, self._qos(topic))
+
+    def refuse(self, name: str, why: str) -> None:
+        """Count a message that cannot be used, and say why (at most once a second)."""
+        self.counts[f"refused on {name}"] += 1
+        self.get_logger().warning(f"block on '{name}' refused: {why}", throttle_duration_sec=1.0)
+
+    def publish(self, name: str, *arrays: NDArray[np.float64]) -> None:
+        """Publish a block: one array per column of the table."""
+        self._publishers_by_topic[name].publish(block_message(TOPICS[name].columns, arrays))
+
+    def plot(self, name: str, time_s: float, make: Callable[[], Any]) -> None:
+        """Publish on a decimated topic, unless its last message is younger than 1/100 s of the run's own time."""
+        if time_s - self._plotted.get(name, -1.0) >= 1.0 / PLOT_RATE - 1e-9:
+            self._plotted[name] = time_s
+            self._publishers_by_topic[name].publish(make())
+
+    def tick_of(self, block: Block) -> int:
+        """The number of a block, counted from the start of the run."""
+        return round(float(block.time[0]) * self.sample_rate / self.block_size)
+
+    # -- the chain
+
+    def load_chain(self, parameter: str, default: str, description: str) -> Chain:
+        """A chain named by a read-only parameter."""
+        return load_chain(declare_text(self, parameter, default, description))
+
+    # -- readiness and health
+
+    def missing(self) -> list[str]:
+        """What this node still waits for before a run can start: unmatched topics."""
+        waits = []
+        for topic in subscribed_by(self.role):
+            if topic.publisher in self.peers and self.count_publishers(topic.name) == 0:
+                waits.append(f"no publisher on {topic.name}")
+        for topic in published_by(self.role):
+            if topic.publisher == "*":
+                continue
+            wanted = readers_of(topic, self.peers)
+            found = self._publishers_by_topic[topic.name].get_subscription_count()
+            if found < wanted:
+                waits.append(f"{found} of {wanted} readers on {topic.name}")
+        return waits
+
+    def health(self) -> tuple[str, str, dict[str, object]]:
+        """Level (ok, warn, error), one line, and values; nodes with more to say override it."""
+        if not self._was_ready:
+            return "warn", "waiting: " + "; ".join(self.missing()), {}
+        return ("warn" if self.counts else "ok"), ("running" if self.ticks else "ready"), {}
+
+    def _watch_readiness(self) -> None:
+        if not self.missing():
+            self._was_ready = True
+            self._readiness_timer.cancel()
+            self._report()
+
+    def _report(self) -> None:
+        level, text, values = self.health()
+        now, ticks = time.monotonic(), self.ticks
+        before, counted = self._last_report
+        rate = (ticks - counted) / max(now - before, 1e-3)
+        if now - before > 0.5:
+            self._last_report = (now, ticks)
+        values = {"ticks": ticks, "ticks_per_second": round(rate, 1), **values, **self.counts}
+        values["ready"] = self._was_ready
+        self._publishers_by_topic["/diagnostics"].publish(
+            diagnostics(self.get_clock().now().to_msg(), f"{self.get_namespace()}/{self.role}", level, text, values)
+        )
+        if self._report_to_supervisor:
+            status = {"node": self.role, "level": level, "state": text, **values}
+            sys.stdout.write("PZT_STATUS " + json.dumps(status) + "\n")
+            sys.stdout.flush()
+
+    # -- the end
+
+    def finish(self, code: int = 0) -> None:
+        """This node has nothing more to do; the process ends, with the highest code of its nodes."""
+        self.exit_code = code if self.exit_code is None else max(self.exit_code, code)
+
+    def stop(self) -> None:
+        """Asked to stop (Ctrl-C, or another node of the process finished): a node that has to tidy up first overrides this."""
+        self.finish()
+
+    def close(self) -> None:
+        """Called once before the node is destroyed."""

@@ -1,0 +1,67 @@
+"""Between library objects and messages: with `pzt_ros.blocks`, the only place that knows message fields."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Float64MultiArray, MultiArrayDimension
+
+from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE
+from pzt_ros.blocks import Block, fill_message
+
+TYPES = {BLOCK: Float64MultiArray, JOINT_STATE: JointState, FLOAT: Float64, DIAGNOSTICS: DiagnosticArray}
+"""Message classes by their ROS name."""
+
+LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
+
+
+def block_message(columns: tuple[str, ...], arrays: tuple[NDArray[np.float64], ...]) -> Float64MultiArray:
+    """A block message from one array per column [each of shape (n,)]."""
+    return fill_message(Float64MultiArray(), MultiArrayDimension, Block(columns, np.column_stack(arrays)))
+
+
+def stamp(time: float) -> Time:
+    """Seconds since the start of the run as a ROS time."""
+    nanoseconds = round(time * 1e9)
+    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def joint_state(axis: str, time: NDArray[np.float64], position: NDArray[np.float64]) -> JointState:
+    """The end of a block as a joint state: position [m] and mean velocity over the block [m/s]."""
+    message = JointState()
+    message.header.stamp = stamp(float(time[-1]))
+    message.header.frame_id = axis
+    message.name = [axis]
+    message.position = [float(position[-1])]
+    elapsed = float(time[-1] - time[0])
+    message.velocity = [float(position[-1] - position[0]) / elapsed if elapsed > 0 else math.nan]
+    message.effort = [0.0]
+    return message
+
+
+def float_message(value: float) -> Float64:
+    """One number."""
+    return Float64(data=float(value))
+
+
+def diagnostics(now: Time, node: str, level: str, text: str, values: Mapping[str, object]) -> DiagnosticArray:
+    """The health of one node; `level` is ok, warn or error."""
+    status = DiagnosticStatus(level=LEVELS[level], name=node, message=text, hardware_id="pzt_ros")
+    status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    message = DiagnosticArray()
+    message.header.stamp = now
+    message.status = [status]
+    return message
+
+
+def status_of(message: DiagnosticArray) -> Iterator[tuple[str, str, str, dict[str, str]]]:
+    """Node, level, text and values of each status in a diagnostics message."""
+    names = {level: name for name, level in LEVELS.items()}
+    for status in message.status:
+        yield status.name, names.get(status.level, "error"), status.message, {v.key: v.value for v in status.values}

@@ -1,0 +1,51 @@
+"""The hysteresis observer: the model run on `applied`, pulled towards `measurement`; says `estimate`."""
+
+from __future__ import annotations
+
+from rclpy.parameter import Parameter
+
+from pzt_nodes.graph_node import GraphNode
+from pzt_nodes.join import Join
+from pzt_nodes.parameters import changed, declare_all, declare_text, on_change
+from pzt_nodes.spin import main as run_node
+from pzt_ros.blocks import Block
+from pzt_ros.observers.table import OBSERVERS, find_observer
+
+
+class ObserverNode(GraphNode):
+    """One observer, chosen by parameter; its gains are parameters and may change while it runs."""
+
+    def __init__(self) -> None:
+        super().__init__("observer")
+        self.model = self.load_chain("model", "thesis-p2", "chain the observer believes in")
+        kind = declare_text(self, "observer", "disturbance", f"one of {', '.join(OBSERVERS)}")
+        self.observer = declare_all(self, kind, find_observer(kind)())
+        self._state = self.observer.init(self.model, self.rest)
+        self._join = Join(("applied", "measurement"), self._on_tick)
+        self.listen("applied", lambda block: self._take("applied", block))
+        self.listen("measurement", lambda block: self._take("measurement", block))
+        on_change(self, self._on_parameters)
+
+    def _take(self, name: str, block: Block) -> None:
+        self._join.add(self.tick_of(block), name, block)
+
+    def _on_tick(self, _tick: int, blocks: dict[str, Block]) -> None:
+        self.ticks += 1
+        applied, measured = blocks["applied"], blocks["measurement"]
+        self._state, e = self.observer.update(
+            self.model, self._state, applied.time, applied["voltage_V"], measured["displacement_m"]
+        )
+        self.publish("estimate", e.time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
+
+    def _on_parameters(self, parameters: list[Parameter]) -> str:
+        self.observer = changed(self.observer, self.observer.kind, parameters)
+        return ""
+
+
+def main() -> None:
+    """Run the observer node."""
+    run_node(ObserverNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""The world, in simulation: takes `applied`, says `truth`, and keeps the pace."""
+
+from __future__ import annotations
+
+import time
+
+from pzt_nodes.graph_node import GraphNode
+from pzt_nodes.parameters import declare_all, declare_text
+from pzt_nodes.spin import main as run_node
+from pzt_ros.blocks import Block
+from pzt_ros.errors import BenchError
+from pzt_ros.hardware.stage import Relay, SimulatedStage, Truth
+from pzt_ros.reference import block_times
+
+REAL_TIME, AS_FAST_AS_POSSIBLE = "real time", "as fast as possible"
+
+
+class PlantNode(GraphNode):
+    """The simulated stage. With `rate: real time` a block is not given out before its time has come on the wall clock.
+
+    If the amplifier's process dies, nobody is left to ramp the voltage down: then the simulated amplifier's own relay
+    discharges the stack through its resistor, as the hardware's would.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("plant")
+        chain = self.load_chain("chain", "thesis-p2", "chain of the simulated stage")
+        rate = declare_text(self, "rate", AS_FAST_AS_POSSIBLE, f"pace: '{REAL_TIME}' or '{AS_FAST_AS_POSSIBLE}'")
+        if rate not in (REAL_TIME, AS_FAST_AS_POSSIBLE):
+            raise BenchError(f"plant: rate '{rate}' is not one of '{REAL_TIME}', '{AS_FAST_AS_POSSIBLE}'")
+        self.real_time = rate == REAL_TIME
+        self.relay = declare_all(self, "relay", Relay(), read_only=True)
+        self.stage = SimulatedStage(chain, self.rest)
+        self.stage.warm_up()
+        self._voltage = 0.0
+        self._next_block = 0
+        self._heard = time.monotonic()
+        self._began: float | None = None
+        self._late = 0
+        self._worst = 0.0
+        self.listen("applied", self._on_applied)
+        self.create_timer(0.05, self._watch)
+
+    def _on_applied(self, block: Block) -> None:
+        self._heard = time.monotonic()
+        self._voltage = float(block["voltage_V"][-1])
+        self._next_block = round(float(block.time[0]) * self.sample_rate / self.block_size) + 1
+        truth = self.stage.step(block.time, block["voltage_V"])
+        if self.real_time:
+            self._wait_for(float(block.time[-1]) + 1.0 / self.sample_rate)
+        self._say(truth)
+
+    def _say(self, truth: Truth) -> None:
+        self.ticks += 1
+        self.publish("truth", truth.time, truth.displacement, truth.polarization, truth.phase_fraction)
+
+    def _wait_for(self, due: float) -> None:
+        """Wait until the run's own time `due` [s] has come on the wall clock; count the blocks that come too late."""
+        now = time.monotonic()
+        if self._began is None:
+            self._began = now - due
+        lateness = now - self._began - due
+        if lateness < 0.0:
+            time.sleep(-lateness)
+        elif lateness > 0.0:
+            self._late += 1
+            self._worst = max(self._worst, lateness)
+
+    def _watch(self) -> None:
+        """The relay: opened when the amplifier has been silent for too long with voltage on the stack."""
+        if self._voltage == 0.0 or time.monotonic() - self._heard < self.relay.delay:
+            return
+        self.get_logger().error(f"amplifier silent with {self._voltage:.1f} V on the stack: discharged by its relay")
+        times = block_times(self._next_block, self.block_size, self.sample_rate)
+        truth, self._voltage = self.stage.discharge(times, self._voltage, self.relay)
+        self._next_block += 1
+        self._say(truth)
+        self.counts["discharged by relay"] += 1
+        self._report()
+
+    def health(self) -> tuple[str, str, dict[str, object]]:
+        """The pace that was kept, and the voltage left on the stack."""
+        level, text, values = super().health()
+        values["stack_voltage_V"] = round(self._voltage, 6)
+        if self.real_time:
+            values["late_blocks"] = self._late
+            values["worst_lateness_s"] = round(self._worst, 6)
+        return level, text, values
+
+
+def main() -> None:
+    """Run the plant node."""
+    run_node(PlantNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,236 @@
+"""Writing a rosbag2 folder (MCAP storage) as `ros2 bag record` of Jazzy does, without ROS.
+
+The file is readable up to the last `flush()` whatever happens afterwards. `metadata.yaml` is written at the end only:
+a folder without it is how rosbag2 itself marks an unfinished recording, and one with a count of 0 would be believed.
+Fields follow rosbag2 (branch jazzy): rosbag2_storage/yaml.hpp, qos.cpp, rosbag2_storage_mcap/mcap_storage.cpp.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from pzt_ros.errors import BenchError, RunFailedError
+from pzt_ros.records import write_text
+
+METADATA_VERSION = 9
+_NO_TIME = 2**63 - 1  # what rosbag2 writes as the starting time of an empty bag
+_CHUNK_BYTES = 1024 * 1024
+_MOST_TIME = {"sec": 9223372036, "nsec": 854775807}  # RMW_DURATION_INFINITE
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Quality of service a topic was offered with, in rosbag2's words; any object with these fields will do."""
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "keep_last"
+    depth: int = 10
+
+
+@functools.cache
+def typestore() -> Any:
+    """The message types of Jazzy as rosbags knows them."""
+    from rosbags.typesys import Stores, get_typestore  # 0.1 s: only those who touch a bag pay for it
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+class BagWriter:
+    """A rosbag2 folder being written; messages are stored as the bytes they arrive in.
+
+    Args:
+        folder: is made, parents included; must not exist or be empty.
+
+    Raises:
+        BenchError: the folder holds something already, or cannot be made.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self.file = self.folder / f"{self.folder.resolve().name}_0.mcap"
+        self._topics: dict[int, dict[str, Any]] = {}
+        self._counts: dict[int, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._first, self._last = _NO_TIME, 0
+        self._failure: str | None = None
+        self._closed = False
+        _make_empty(self.folder)
+        try:
+            self._stream = self.file.open("xb")
+        except OSError as error:
+            raise BenchError(f"{self.file}: cannot write: {error.strerror}; choose another folder") from None
+        self._mcap = Writer(
+            self._stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.NONE, enable_data_crcs=True
+        )
+        self._guarded(self._mcap.start, profile="ros2", library="pzt_ros")
+        # rosbag2 too writes this record twice; after a kill the first one still tells the version of the QoS text
+        self._guarded(self._add_metadata_record)
+
+    def add_topic(self, name: str, type_name: str, qos: Any = None) -> int:
+        """Announce a topic; returns the channel to write to.
+
+        Args:
+            name: absolute, such as /stage/measurement.
+            type_name: such as std_msgs/msg/Float64MultiArray.
+            qos: fields of `Qos`.
+
+        Raises:
+            BenchError: a type that Jazzy's common interfaces do not have.
+        """
+        qos = qos or Qos()
+        if type_name not in typestore().fielddefs:
+            raise BenchError(f"topic {name}: unknown message type {type_name}; only the common interfaces are recorded")
+        definition, _ = typestore().generate_msgdef(type_name, ros_version=2)
+        type_hash = typestore().hash_rihs01(type_name)
+        if type_name not in self._schemas:
+            self._schemas[type_name] = self._guarded(
+                self._mcap.register_schema, name=type_name, encoding="ros2msg", data=definition.encode()
+            )
+        channel: int = self._guarded(
+            self._mcap.register_channel,
+            topic=name,
+            message_encoding="cdr",
+            schema_id=self._schemas[type_name],
+            metadata={
+                "offered_qos_profiles": yaml.safe_dump([_qos_mapping(qos)], sort_keys=False).strip(),
+                "topic_type_hash": type_hash,
+            },
+        )
+        self._topics[channel] = {"name": name, "type": type_name, "qos": qos, "hash": type_hash}
+        self._counts[channel] = 0
+        return channel
+
+    def write(self, channel: int, data: bytes, log_time_ns: int, publish_time_ns: int | None = None) -> None:
+        """Append one serialized message (CDR with its 4 bytes of encapsulation, as a raw subscription hands it over).
+
+        Raises:
+            RunFailedError: the disk is full or gone; what was flushed before stays readable, nothing more is written.
+        """
+        publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._guarded(self._mcap.add_message, channel, log_time_ns, data, publish_time_ns)
+        self._counts[channel] += 1
+        self._first = min(self._first, log_time_ns)
+        self._last = max(self._last, log_time_ns)
+
+    def flush(self) -> None:
+        """Close the chunk and hand it to the system: a kill -9 right after loses nothing, a power cut may.
+
+        Raises as `write`.
+        """
+        self._guarded(self._mcap.flush)
+
+    def close(self) -> None:
+        """Write the summary and metadata.yaml; nothing after a failed write or twice. Raises as `write`."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._failure is not None:
+            return
+        self._guarded(self._mcap.flush)  # the metadata record belongs behind the last chunk
+        self._guarded(self._add_metadata_record)
+        self._guarded(self._mcap.finish)
+        self._guarded(self._stream.close)
+        self._failure = f"{self.file}: the bag is closed; open a new one"
+        content = {"rosbag2_bagfile_information": self._information()}
+        write_text(self.folder / "metadata.yaml", [yaml.safe_dump(content, sort_keys=False)])
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _guarded(self, call: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+        """Call; after the first failure never again, because bytes behind a torn record could not be read."""
+        if self._failure is None:
+            try:
+                return call(*args, **kwargs)
+            except OSError as error:
+                self._failure = f"{self.file}: cannot write the bag: {error.strerror}; make room and record anew"
+                self._abandon()
+        raise RunFailedError(self._failure)
+
+    def _abandon(self) -> None:
+        with contextlib.suppress(OSError):  # the same failure again, for the bytes still in the buffer
+            self._stream.close()
+
+    def _add_metadata_record(self) -> None:
+        text = yaml.safe_dump(self._information(), sort_keys=False)
+        self._mcap.add_metadata("rosbag2", {"serialized_metadata": text})
+        self._stream.flush()
+
+    def _information(self) -> dict[str, Any]:
+        count = sum(self._counts.values())
+        duration = self._last - self._first if count else 0
+        return {
+            "version": METADATA_VERSION,
+            "storage_identifier": "mcap",
+            "duration": {"nanoseconds": duration},
+            "starting_time": {"nanoseconds_since_epoch": self._first},
+            "message_count": count,
+            "topics_with_message_count": [
+                {"topic_metadata": _topic_mapping(topic), "message_count": self._counts[channel]}
+                for channel, topic in self._topics.items()
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [self.file.name],
+            "files": [
+                {
+                    "path": self.file.name,
+                    "starting_time": {"nanoseconds_since_epoch": self._first},
+                    "duration": {"nanoseconds": duration},
+                    "message_count": count,
+                }
+            ],
+            "custom_data": {},
+            "ros_distro": "jazzy",
+        }
+
+
+def _topic_mapping(topic: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": topic["name"],
+        "type": topic["type"],
+        "serialization_format": "cdr",
+        "offered_qos_profiles": [_qos_mapping(topic["qos"])],
+        "type_description_hash": topic["hash"],
+    }
+
+
+def _qos_mapping(qos: Any) -> dict[str, Any]:
+    # the copies keep YAML from writing references, which not every reader resolves
+    return {
+        "history": qos.history,
+        "depth": qos.depth,
+        "reliability": qos.reliability,
+        "durability": qos.durability,
+        "deadline": dict(_MOST_TIME),
+        "lifespan": dict(_MOST_TIME),
+        "liveliness": "automatic",
+        "liveliness_lease_duration": dict(_MOST_TIME),
+        "avoid_ros_namespace_conventions": False,
+    }
+
+
+def _make_empty(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise BenchError(f"{folder}: the folder is not empty; choose a new one for the bag")
+    except FileExistsError:
+        raise BenchError(f"{folder}: is a file, expected a new folder for the bag; choose another name") from None
+    except OSError as error:
+        raise BenchError(f"{folder}: cannot make the folder: {error.strerror}; choose another place") from None

@@ -1,0 +1,60 @@
+"""Proportional-integral feedback, as a part that others use, and as a controller of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from pzt_ros.controllers.controller import Controller, Feedback, tracking_error
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array
+from pzt_ros.quantities import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class PI(Controller):
+    """The honest baseline: proportional-integral feedback of the tracking error, nothing else.
+
+    Feedback is one block late, because a block is measured before the next is computed.
+    """
+
+    kind: ClassVar[str] = "pi"
+
+    proportional_gain: float = parameter(0.0, "V/m", "volts per metre of error", symbol="Kp", bounds=(0.0, 1e9))
+    integral_gain: float = parameter(
+        5e8, "V/m/s", "volts per second and metre of error", symbol="Ki", bounds=(0.0, 1e12)
+    )
+    integral_limit: float = parameter(200.0, "V", "the integral stays within plus and minus this", bounds=(0.0, 1e4))
+
+    def init(self, model: Chain, feedback: Feedback) -> float:
+        """The integral [V] that continues the voltage found."""
+        return float(feedback.voltage[-1])
+
+    def step(
+        self, model: Chain, state: float, time: Array, reference: Array, feedback: Feedback
+    ) -> tuple[float, Array]:
+        """Drive voltage [V]."""
+        error = tracking_error(feedback)
+        return proportional_integral(
+            error, state, self.proportional_gain, self.integral_gain * sample_period(time), self.integral_limit
+        )
+
+
+def sample_period(time: Array) -> float:
+    """The mean time between samples of a block [s]."""
+    return float(time[-1] - time[0]) / (len(time) - 1)
+
+
+@njit(cache=True)
+def proportional_integral(
+    error: Array, integral: float, proportional: float, integral_step: float, limit: float
+) -> tuple[float, Array]:
+    """The integral after a block of error, and the output over it [shape of `error`]; the integral is held at its limit."""
+    out = np.empty_like(error)
+    for i in range(len(error)):
+        integral = min(max(integral + integral_step * error[i], -limit), limit)
+        out[i] = proportional * error[i] + integral
+    return integral, out

@@ -1,0 +1,81 @@
+"""What an amplifier has to offer, and the simulated one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.link import ACTUATOR, AMPLIFIER
+from pzt_ros.physics.signals import Array, Rest, Signals
+
+
+@dataclass(frozen=True)
+class Applied:
+    """What the amplifier did and measured over a block [each of shape (n,)].
+
+    Attributes:
+        time: sample times [s].
+        voltage: across the ceramic [V].
+        current: into the ceramic [A].
+        charge: on the ceramic since the start, from the Sawyer-Tower capacitor [C].
+    """
+
+    time: Array
+    voltage: Array
+    current: Array
+    charge: Array
+
+
+class AmplifierDriver(Protocol):
+    """The slot for a real amplifier or DAQ output."""
+
+    def apply(self, time: Array, command_voltage: Array) -> Applied:
+        """Put out a block of command voltage [V] and say what happened."""
+
+    @property
+    def voltage(self) -> float:
+        """Voltage found at the stack now [V]."""
+
+
+class SimulatedAmplifier:
+    """The amplifier of the chain with its load: the ceramic, whose switching draws the current.
+
+    It runs the ferroelectric link a second time, beside the plant's, because current and charge are measured here.
+    """
+
+    def __init__(self, chain: Chain, rest: Rest) -> None:
+        self._amplifier = chain.section(AMPLIFIER)
+        actuator = chain.section(ACTUATOR)
+        self._load = Chain(chain.name, tuple(link for link in actuator.links if hasattr(link, "layer_thickness")))
+        self._area = sum(getattr(link, "electrode_area", 2e-3) for link in self._load.links)
+        self._amplifier_state = self._amplifier.init(rest)
+        self._load_state = self._load.init(rest)
+        self._time = rest.time
+        self._voltage = rest.voltage
+        self._charge = 0.0
+        self._polarization_start = self._polarization_at_rest(rest)
+
+    def _polarization_at_rest(self, rest: Rest) -> float:
+        here = Signals(time=np.array([rest.time]), voltage=np.array([rest.voltage]))
+        _, signals = self._load.step(self._load_state, here)
+        return float(signals.polarization[0]) if signals.polarization.size else 0.0
+
+    @property
+    def voltage(self) -> float:
+        """Voltage across the ceramic after the last sample [V]."""
+        return self._voltage
+
+    def apply(self, time: Array, command_voltage: Array) -> Applied:
+        """Run a block through amplifier and load."""
+        self._amplifier_state, driven = self._amplifier.step(self._amplifier_state, Signals(time, command_voltage))
+        self._load_state, loaded = self._load.step(self._load_state, driven)
+        polarization = loaded.polarization if loaded.polarization.size else np.zeros_like(time)
+        charge = self._area * (polarization - self._polarization_start)
+        elapsed = np.diff(time, prepend=self._time)
+        drawn = np.diff(charge, prepend=self._charge)
+        current = np.divide(drawn, elapsed, out=np.zeros_like(time), where=elapsed > 0.0)
+        self._time, self._charge, self._voltage = float(time[-1]), float(charge[-1]), float(driven.voltage[-1])
+        return Applied(time, driven.voltage, current, charge)

@@ -1,0 +1,88 @@
+"""The closed loop in one process, without ROS: the same objects in the same order as the graph.
+
+A test holds the two together, sample for sample. Use it to tune, to benchmark, and wherever a 20 kHz loop must not cross processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pzt_ros.chains import load_chain
+from pzt_ros.controllers.controller import Feedback
+from pzt_ros.controllers.loop import ControlLoop
+from pzt_ros.experiments.experiment import Experiment
+from pzt_ros.hardware.amplifier import Applied, SimulatedAmplifier
+from pzt_ros.hardware.guard import GuardedAmplifier
+from pzt_ros.hardware.stage import SimulatedSensor, SimulatedStage, Truth
+from pzt_ros.observers.observer import Estimate
+from pzt_ros.physics.signals import Array, Rest
+from pzt_ros.reference import Reference
+from pzt_ros.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Tick:
+    """All that was said on the topics for one block."""
+
+    reference: Reference | None
+    command_voltage: Array | None
+    applied: Applied
+    truth: Truth
+    measurement: Array
+    estimate: Estimate
+
+
+class InProcessLoop:
+    """Every library object of the graph, stepped block by block."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        plant, model = load_chain(scenario.plant), load_chain(scenario.model)
+        rest = Rest(seed=scenario.seed)
+        self.amplifier = GuardedAmplifier(
+            SimulatedAmplifier(plant, rest), scenario.limits, scenario.sample_rate, scenario.block_size
+        )
+        self.stage = SimulatedStage(plant, rest)
+        self.sensor = SimulatedSensor(plant, rest)
+        self.model = model
+        self.observer = scenario.observer
+        self._observer_state = self.observer.init(model, rest)
+        self.control = ControlLoop(model, scenario.controllers, rest, handover_time=scenario.timing.handover_time)
+        self.experiment: Experiment = scenario.experiment()
+
+    def start(self) -> Tick:
+        """The first block: the voltage found at the stack, held."""
+        self.amplifier.enable()
+        return self._measure(None, None, self.amplifier.hold())
+
+    def step(self, last: Tick) -> Tick | None:
+        """The next block, or None when the scenario is over."""
+        reference = self.experiment.step(self.amplifier.next_block, float(np.mean(last.measurement)))
+        if reference is None:
+            return None
+        if reference.controller:
+            self.control.select(reference.controller)
+        feedback = Feedback(last.applied.time, last.applied.voltage, last.measurement, last.estimate.displacement)
+        command = self.control.step(reference, feedback)
+        applied = self.amplifier.apply(float(reference.time[0]), command)
+        assert applied is not None
+        return self._measure(reference, command, applied)
+
+    def _measure(self, reference: Reference | None, command: Array | None, applied: Applied) -> Tick:
+        truth = self.stage.step(applied.time, applied.voltage)
+        measurement = self.sensor.read(truth.time, truth.displacement)
+        self._observer_state, estimate = self.observer.update(
+            self.model, self._observer_state, applied.time, applied.voltage, measurement
+        )
+        return Tick(reference, command, applied, truth, measurement, estimate)
+
+
+def run_in_process(scenario: Scenario, watch: Callable[[Tick], None]) -> None:
+    """Run a scenario to its end; `watch` sees every tick, so that memory stays with the caller."""
+    loop = InProcessLoop(scenario)
+    tick: Tick | None = loop.start()
+    while tick is not None:
+        watch(tick)
+        tick = loop.step(tick)

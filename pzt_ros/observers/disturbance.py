@@ -1,0 +1,67 @@
+"""Observer with an additive displacement disturbance (methods.md section 5)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from pzt_ros.observers.observer import Estimate, Observer
+from pzt_ros.physics.chain import Chain, ChainState
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.quantities import parameter
+
+
+@dataclass(frozen=True)
+class DisturbanceState:
+    """Memory: the model's state, and the disturbance [m] (NaN before the first measurement)."""
+
+    model: ChainState
+    disturbance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbanceObserver(Observer):
+    """Runs the model on the applied voltage and lets one slow disturbance take up what the measurement says beyond it.
+
+    w' = L (y - y_model - w). The first measurement sets w, because the sensor's zero is wherever it happened to be.
+    """
+
+    kind: ClassVar[str] = "disturbance"
+
+    gain: float = parameter(
+        100.0, "1/s", "how fast the disturbance follows the measurement", symbol="L", bounds=(0.0, 1e5)
+    )
+
+    def init(self, model: Chain, rest: Rest) -> DisturbanceState:
+        """Model at rest, disturbance unknown."""
+        return DisturbanceState(model.init(rest), math.nan)
+
+    def update(
+        self, model: Chain, state: DisturbanceState, time: Array, voltage: Array, measurement: Array
+    ) -> tuple[DisturbanceState, Estimate]:
+        """Take in a block of applied voltage [V] and of measurement [m]."""
+        memory, out = model.step(state.model, Signals(time, voltage))
+        start = state.disturbance if math.isfinite(state.disturbance) else float(measurement[0] - out.displacement[0])
+        step = (time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else 0.0
+        disturbance, innovation = _follow(measurement - out.displacement, start, 1.0 - math.exp(-self.gain * step))
+        estimate = Estimate(
+            time, out.displacement + disturbance, out.polarization, out.phase_fraction, innovation, disturbance
+        )
+        return DisturbanceState(memory, float(disturbance[-1])), estimate
+
+
+@njit(cache=True)
+def _follow(residual: Array, start: float, share: float) -> tuple[Array, Array]:
+    """First-order filter of the model residual; also the innovation before each update."""
+    disturbance = np.empty_like(residual)
+    innovation = np.empty_like(residual)
+    w = start
+    for i in range(len(residual)):
+        innovation[i] = residual[i] - w
+        w += share * innovation[i]
+        disturbance[i] = w
+    return disturbance, innovation

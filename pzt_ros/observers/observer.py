@@ -1,0 +1,46 @@
+"""The one interface that all observers share."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array, Rest
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the observer makes of a block [each of shape (n,)].
+
+    Attributes:
+        time: sample times [s].
+        displacement: as the sensor would read it without noise [m].
+        polarization: [C/m^2].
+        phase_fraction: [-].
+        innovation: measurement minus the observer's one-step prediction [m].
+        disturbance: what the model lacks, as a displacement [m].
+    """
+
+    time: Array
+    displacement: Array
+    polarization: Array
+    phase_fraction: Array
+    innovation: Array
+    disturbance: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observer(ABC):
+    """The chain run beside the measurement and pulled towards it: parameters are fields, memory goes in and comes out."""
+
+    kind: ClassVar[str]
+
+    @abstractmethod
+    def init(self, model: Chain, rest: Rest) -> Any:
+        """The state at rest."""
+
+    @abstractmethod
+    def update(self, model: Chain, state: Any, time: Array, voltage: Array, measurement: Array) -> tuple[Any, Estimate]:
+        """Take in a block of applied voltage [V] and of measurement [m]."""

@@ -1,0 +1,20 @@
+"""Every observer by name; a new one is one line here."""
+
+from __future__ import annotations
+
+from pzt_ros.errors import BenchError
+from pzt_ros.observers.disturbance import DisturbanceObserver
+from pzt_ros.observers.observer import Observer
+
+OBSERVERS: dict[str, type[Observer]] = {observer.kind: observer for observer in (DisturbanceObserver,)}
+
+
+def find_observer(kind: str) -> type[Observer]:
+    """The observer of that name.
+
+    Raises:
+        BenchError: there is none.
+    """
+    if kind not in OBSERVERS:
+        raise BenchError(f"unknown observer '{kind}'; known are {', '.join(OBSERVERS)}")
+    return OBSERVERS[kind]

@@ -1,0 +1,184 @@
+"""How coercive and interaction fields are distributed over the domains, and the rules that replace a density by nodes.
+
+A rule turns a density into nodes [V/m] and weights [-]; the weights are what the rule makes of the integral of the
+density, so their sum tells what the rule has cut off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.signals import Array
+
+Nodes = tuple[Array, Array]
+"""Fields [V/m] and their weights [-], each of shape (n,)."""
+
+THESIS_CUT = 3.0
+"""The thesis' program ends its ranges at 3 sigma."""
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """exp(-(E - centre)^2/spread), cut off below `lower` and normalised (3.12, 3.14).
+
+    Attributes:
+        centre: of the bell, also of the clipped one [V/m].
+        spread: b = 2 sigma^2 [V^2/m^2]; 0 means that all domains have the field `centre`.
+        lower: there is nothing below this field [V/m]; 0 for coercive fields.
+    """
+
+    centre: float
+    spread: float
+    lower: float = -math.inf
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the unclipped bell [V/m]."""
+        return math.sqrt(self.spread / 2)
+
+    @property
+    def peak(self) -> float:
+        """The field of the highest density [V/m]."""
+        return max(self.centre, self.lower)
+
+    @property
+    def mass(self) -> float:
+        """The share of the unclipped bell above `lower` [-]."""
+        return float(special.ndtr((self.centre - self.lower) / self.sigma))
+
+    def support(self, cut: float) -> tuple[float, float]:
+        """Ends of the range kept when the bell is cut at `cut` sigma [V/m]."""
+        reach = cut * self.sigma
+        return max(self.lower, self.centre - reach), self.centre + reach
+
+    def at(self, fields: Array) -> Array:
+        """Density at `fields` [m/V]."""
+        bell = np.exp(-((fields - self.centre) ** 2) / self.spread) / math.sqrt(math.pi * self.spread)
+        return np.where(fields >= self.lower, bell / self.mass, 0.0)
+
+    def quantile(self, share: Array) -> Array:
+        """The field below which lies a `share` of the domains [V/m]."""
+        below_lower = 1.0 - self.mass
+        return self.centre + self.sigma * special.ndtri(below_lower + share * self.mass)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Any density, given at some fields and linear between them; zero outside.
+
+    Attributes:
+        field: at least two, increasing [V/m].
+        weight: density there, to any scale: it is normalised when it is used.
+
+    Raises:
+        BenchError: fields that do not increase, weights below zero, or nothing in it.
+    """
+
+    field: tuple[float, ...]
+    weight: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        fields, weights = np.asarray(self.field), np.asarray(self.weight)
+        if fields.size < 2 or fields.size != weights.size:
+            raise BenchError(
+                f"density table: {fields.size} fields with {weights.size} weights; give two or more of each"
+            )
+        if not np.all(np.diff(fields) > 0) or not np.all(np.isfinite(fields)):
+            raise BenchError("density table: the fields do not increase; sort them and drop doubles")
+        if not np.all(weights >= 0) or not np.all(np.isfinite(weights)) or not np.any(weights > 0):
+            raise BenchError(
+                "density table: weights must be finite, not below 0 and not all 0; check the fit it came from"
+            )
+
+    @property
+    def spread(self) -> float:
+        """A table has no b: it never shrinks to one node and asks for no finer spacing [V^2/m^2]."""
+        return math.inf
+
+    @property
+    def peak(self) -> float:
+        """The field of the highest density [V/m]."""
+        return self.field[int(np.argmax(self.weight))]
+
+    def _cumulative(self) -> Array:
+        fields, weights = np.asarray(self.field), np.asarray(self.weight)
+        pieces = np.diff(fields) * (weights[1:] + weights[:-1]) / 2
+        return np.concatenate(([0.0], np.cumsum(pieces)))
+
+    def support(self, cut: float) -> tuple[float, float]:
+        """First and last field of the table, whatever `cut` [V/m]."""
+        return self.field[0], self.field[-1]
+
+    def at(self, fields: Array) -> Array:
+        """Density at `fields` [m/V]."""
+        area = self._cumulative()[-1]
+        return np.interp(fields, self.field, self.weight, left=0.0, right=0.0) / area
+
+    def quantile(self, share: Array) -> Array:
+        """The field below which lies a `share` of the domains [V/m]."""
+        cumulative = self._cumulative()
+        wanted = np.asarray(share) * cumulative[-1]
+        k = np.clip(np.searchsorted(cumulative, wanted, side="right") - 1, 0, len(self.field) - 2)
+        fields, weights = np.asarray(self.field), np.asarray(self.weight)
+        slope = (weights[k + 1] - weights[k]) / (fields[k + 1] - fields[k])
+        rest = wanted - cumulative[k]
+        # the root of slope/2 s^2 + weight s = rest in the form that also holds for slope = 0
+        root = np.sqrt(np.maximum(weights[k] ** 2 + 2 * slope * rest, 0.0))
+        return fields[k] + 2 * rest / np.maximum(weights[k] + root, np.finfo(float).tiny)
+
+
+Density = Gaussian | Table
+
+
+def gauss_legendre(density: Density, below: int, above: int, cut: float = THESIS_CUT) -> Nodes:
+    """Gauss-Legendre nodes, the range cut at `cut` sigma and split at the peak (thesis 3.2.2)."""
+    if density.spread == 0:
+        return np.array([density.peak]), np.ones(1)
+    low, high = density.support(cut)
+    parts = [_legendre(low, density.peak, below), _legendre(density.peak, high, above)]
+    fields, weights = (np.concatenate(both) for both in zip(*parts, strict=True))
+    return fields, weights * density.at(fields)
+
+
+def _legendre(low: float, high: float, count: int) -> Nodes:
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    half = (high - low) / 2
+    return low + half * (1 + nodes), half * weights
+
+
+def thesis_constant(density: Density) -> float:
+    """By how much the thesis' constant C exceeds the exact one [-].
+
+    For the clipped bell the program divides by the share between 0 and infinity minus the lower 3 sigma tail, whether
+    or not that tail is clipped away; for the interaction field by the whole. What lies beyond is lost: a sum of 0.9973.
+    """
+    if not isinstance(density, Gaussian) or density.spread == 0 or math.isinf(density.lower):
+        return 1.0
+    return density.mass / (density.mass - float(special.ndtr(-THESIS_CUT)))
+
+
+def equal_probability(density: Density, count: int) -> Nodes:
+    """Nodes at the middle quantiles of `count` equally likely classes: best for up to 32 nodes (methods.md 1.4)."""
+    if density.spread == 0:
+        return np.array([density.peak]), np.ones(1)
+    return density.quantile((np.arange(count) + 0.5) / count), np.full(count, 1.0 / count)
+
+
+def equally_spaced(density: Density, spacing: float, cut: float = 4.5) -> Nodes:
+    """Nodes `spacing` [V/m] apart, an even number; no node lies at the middle of a symmetric density."""
+    if density.spread == 0:
+        return np.array([density.peak]), np.ones(1)
+    low, high = density.support(cut)
+    count = 2 * max(1, math.ceil((high - low) / (2 * spacing)))
+    clipped = isinstance(density, Gaussian) and low == density.lower
+    start = low if clipped else (low + high - count * spacing) / 2
+    fields: Array = start + (np.arange(count, dtype=np.float64) + 0.5) * spacing
+    weights = spacing * density.at(fields)
+    if clipped:  # the midpoint rule misses spacing^2/24 times the slope at an end where the density does not fade out
+        weights[:2] *= (25 / 24, 23 / 24)
+    return fields, weights

@@ -1,0 +1,229 @@
+"""The parametrized ferroelectric: one representative domain whose barrier follows what has already switched (thesis 3.3)."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics import parametrized_kernel as kernel
+from pzt_ros.physics.kinetics import thermal_width
+from pzt_ros.physics.link import ACTUATOR, Link, State
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.quantities import choice, parameter
+
+_PRERUN_SAMPLES = 100_001
+_PRERUN_ACCURACY = 1e-8
+_RAMP_TO_REST = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parametrized(Link):
+    """Voltage to polarization by one ODE with return-point memory, events located exactly (3.34, 3.35).
+
+    The barrier is exact in both tails and the branches turn and close where the equations say, inside a sample step if
+    need be. Memory holds 256 nested loops; a loop nested deeper makes it forget the innermost one.
+    """
+
+    kind: ClassVar[str] = "parametrized"
+    section: ClassVar[str] = ACTUATOR
+
+    shape_ascending: float = parameter(
+        None,
+        "1",
+        "Spread of the barriers over the ascending branch.",
+        symbol="s",
+        bounds=(0.05, 50.0),
+    )
+    barrier_ascending: float = parameter(
+        None,
+        "V/m",
+        "Barrier at which most domains switch upwards.",
+        symbol="B_e",
+        bounds=(1e3, 1e8),
+    )
+    shape_descending: float = parameter(
+        None,
+        "1",
+        "Spread of the barriers over the descending branch.",
+        symbol="s",
+        bounds=(0.05, 50.0),
+    )
+    barrier_descending: float = parameter(
+        None,
+        "V/m",
+        "Barrier at which most domains switch downwards.",
+        symbol="B_e",
+        bounds=(1e3, 1e8),
+    )
+    relaxation_time: float = parameter(
+        None,
+        "s",
+        "Time constant of switching at zero barrier.",
+        symbol="tau",
+        bounds=(1e-9, 1e6),
+    )
+    domain_polarization: float = parameter(
+        None,
+        "C/m^2",
+        "Polarization of a switched domain at zero field.",
+        symbol="P_T",
+        bounds=(1e-6, 10.0),
+    )
+    reciprocal_permittivity: float = parameter(
+        None,
+        "V*m/C",
+        "Field per polarization within a domain.",
+        symbol="E_1",
+        bounds=(1e4, 1e12),
+    )
+    temperature: float = parameter(
+        293.0,
+        "K",
+        "Temperature of thermal activation.",
+        symbol="T",
+        bounds=(1.0, 2000.0),
+    )
+    domain_volume: float = parameter(
+        1e-22,
+        "m^3",
+        "Volume that switches at once.",
+        symbol="V_D",
+        bounds=(1e-27, 1e-15),
+    )
+    saturation_barrier: float = parameter(
+        2.0e6,
+        "V/m",
+        "Outermost barrier, where all domains have switched.",
+        symbol="B_sat",
+        bounds=(1e4, 1e8),
+    )
+    layer_thickness: float = parameter(
+        1e-4,
+        "m",
+        "Thickness of one ceramic layer, over which the voltage drops.",
+        symbol="h",
+        bounds=(1e-8, 1.0),
+    )
+    start: str = choice(
+        "virgin",
+        ("virgin", "negative"),
+        "State before the run: after the thesis' decaying drive, or negatively saturated.",
+    )
+    virgin_amplitude: float = parameter(
+        1.5e6,
+        "V/m",
+        "Amplitude A of the pre-run A sin(20 pi t)(1 - t), 0 to 1 s.",
+        symbol="A",
+        bounds=(0.0, 1e7),
+    )
+    accuracy: float = parameter(
+        1e-6,
+        "1",
+        "Local error of the phase fraction allowed per step of the integration.",
+        bounds=(1e-12, 1e-2),
+    )
+
+    @functools.cached_property
+    def material(self) -> kernel.Material:
+        """The numbers as the compiled kernel takes them."""
+        return kernel.Material(
+            float(self.barrier_ascending),
+            float(self.shape_ascending),
+            float(self.barrier_descending),
+            float(self.shape_descending),
+            float(self.relaxation_time),
+            thermal_width(
+                self.reciprocal_permittivity, self.temperature, self.domain_volume
+            ),
+            float(self.domain_polarization),
+            float(self.reciprocal_permittivity),
+            float(self.layer_thickness),
+            float(self.accuracy),
+        )
+
+    def init(self, rest: Rest) -> State:
+        """The state after the pre-history and, if the rest voltage is not 0, a ramp to it within 1 s."""
+        state = _after_history(self).copy()
+        if rest.voltage != 0.0:
+            end = state[kernel.TIME] + _RAMP_TO_REST
+            self._run(state, np.array([end]), np.array([float(rest.voltage)]))
+        state[kernel.TIME] = rest.time
+        state[[kernel.REVERSALS, kernel.CLOSURES]] = 0.0
+        return state
+
+    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Polarization and phase fraction at the samples; the field is linear between them, however far apart.
+
+        A sample at the time of the last one is a jump of the field.
+
+        Raises:
+            BenchError: a time or voltage is missing or no finite number.
+        """
+        voltage = _finite(signals.voltage, "voltage", "V")
+        after = state.copy()
+        p, x = self._run(after, _finite(signals.time, "time", "s"), voltage)
+        return after, signals.replace(polarization=p, phase_fraction=x)
+
+    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Voltage, linear between samples, with which `step` gives the polarization asked for at the samples.
+
+        The field stays within +-10 MV/m; a target that is no number keeps the voltage where it was.
+
+        Raises:
+            BenchError: a time or the polarization is missing, or a time is no finite number.
+        """
+        if signals.polarization is None:
+            raise BenchError(
+                "parametrized: the block has no polarization to invert; set it before calling invert"
+            )
+        time = _finite(signals.time, "time", "s")
+        target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
+        after, voltage, x = state.copy(), np.empty(time.size), np.empty(time.size)
+        kernel.run_inverse(after, self.material, time, target, voltage, x)
+        return after, signals.replace(voltage=voltage, phase_fraction=x)
+
+    def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
+        p, x = np.empty(time.size), np.empty(time.size)
+        kernel.run(state, self.material, time, voltage, p, x)
+        return p, x
+
+
+def _finite(values: Array | None, name: str, unit: str) -> Array:
+    if values is None:
+        raise BenchError(
+            f"parametrized: the block has no {name}; set it before calling step"
+        )
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    finite = np.isfinite(array)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise BenchError(
+            f"parametrized: {name} is {array[first]} {unit} at sample {first}; give finite numbers"
+        )
+    return array
+
+
+@functools.lru_cache(maxsize=64)
+def _after_history(link: Parametrized) -> State:
+    """State at the end of the pre-history; read-only, since it is shared."""
+    material = link.material._replace(accuracy=min(link.accuracy, _PRERUN_ACCURACY))
+    state = kernel.fresh_state(material, float(link.saturation_barrier))
+    if link.start == "virgin":
+        time = np.linspace(0.0, 1.0, _PRERUN_SAMPLES)
+        voltage = (
+            link.virgin_amplitude
+            * np.sin(20 * np.pi * time)
+            * (1 - time)
+            * link.layer_thickness
+        )
+        kernel.run(
+            state, material, time, voltage, np.empty_like(time), np.empty_like(time)
+        )
+    state[kernel.PAST] = 0.0
+    state[kernel.STEP] = np.inf
+    state.flags.writeable = False
+    return state

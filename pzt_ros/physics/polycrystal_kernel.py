@@ -1,0 +1,271 @@
+"""Many domains under one field: the compiled loops of the quadrature and of the lattice.
+
+Domain (i, j) switches up where the field reaches a = E_c - E_e and down where it falls to b = -E_c - E_e. All domains
+of row i find their rates in one slice of a table over a and one of a table over b:
+
+    up:   forward[rows - 1 - i + j],    down: backward[i + j],    j = 0 ... columns - 1.
+
+On a lattice (same spacing for E_c and E_e) many domains share an entry: this is what makes it fast (methods.md 1.3). A
+quadrature has nothing to share; it is one row with an entry for every domain.
+
+Each domain obeys x' = p (1 - x) - q x (3.8), linear in x for a given field. Two integrators:
+
+* midpoint: rates frozen at mid-step; order 2, exact in holds, one division per domain. In a slow ramp a domain with a
+  low barrier follows its equilibrium p/(p + q), which mid-step rates know half a step late: order 1 there.
+* collocation: with s = p + q and the inner clock sigma = int s dt, x' = s (xe - x) has a closed solution for xe
+  quadratic in sigma; xe and s are taken at both ends and the middle of the step (exponential collocation: Hochbruck and
+  Ostermann, Acta Numerica 2010, section 2). Order 4, and it ends on the equilibrium however slow the ramp. Magnus-4 is as
+  good in fast ramps, but its commutator grows with the step times the rate and wrecks slow ones: errors above 1 in x+.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pzt_ros.physics.kinetics import exponential, switching_rate
+from pzt_ros.physics.signals import Array
+
+MIDPOINT, COLLOCATION = 0, 1
+TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
+"""State: last time [s], last voltage [V], dP/dV of the last inverse step [C/(m^2 V)] (for its next guess), every x."""
+
+_MAX_SUBSTEPS = 100_000
+_NEVER = 1e-290  # keeps p/(p + q) defined for a frozen domain
+_MAX_TRIALS = 80
+
+
+class Elements(NamedTuple):
+    """The domains and what they have in common; arrays as the module's head says.
+
+    Attributes:
+        forward, backward: a/d and b/d [-], shape (rows + columns - 1,).
+        row_weight, column_weight: shapes (rows,), (columns,); the weight of domain (i, j) is their product.
+        width: thermal width d [V/m].
+        attempt_rate: 1/tau, times the prefactor of (3.9) if that is wanted [1/s].
+        susceptibility: 1/E_1 [C/(V m)].
+        domain_polarization: P_T [C/m^2].
+        bias: polarization that the interaction fields alone would make [C/m^2].
+        layer_thickness: [m].
+        method: MIDPOINT or COLLOCATION.
+        field_step: the longest substep in units of d [-].
+    """
+
+    forward: Array
+    backward: Array
+    row_weight: Array
+    column_weight: Array
+    width: float
+    attempt_rate: float
+    susceptibility: float
+    domain_polarization: float
+    bias: float
+    layer_thickness: float
+    method: int
+    field_step: float
+
+
+def field_step(method: int, accuracy: float) -> float:
+    """The substep [-, in units of d] that keeps the error of x+ below about `accuracy`: see the tests of its order."""
+    if method == MIDPOINT:
+        return 0.01 * math.sqrt(accuracy / 1e-6)
+    return 0.05 * math.sqrt(math.sqrt(accuracy / 1e-6))
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
+    """Both rate tables [1/s] at the field u [in units of d]."""
+    for k in range(up.size):
+        up[k] = el.attempt_rate * switching_rate(u - el.forward[k])
+        down[k] = el.attempt_rate * switching_rate(el.backward[k] - u)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _fill_decay(decay, h, first, middle, last):  # type: ignore[no-untyped-def]
+    """exp(- integral of a rate over the step) by Simpson's rule."""
+    for k in range(decay.size):
+        decay[k] = exponential(-h / 6.0 * (first[k] + 4.0 * middle[k] + last[k]))
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _midpoint(x, rows, columns, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
+    """One step of every domain towards the equilibrium at mid-step, in place."""
+    for i in range(rows):
+        r = x[i * columns : (i + 1) * columns]
+        m = rows - 1 - i
+        p = up[m : m + columns]
+        p_decay = up_decay[m : m + columns]
+        q = down[i : i + columns]
+        q_decay = down_decay[i : i + columns]
+        for j in range(columns):
+            xe = p[j] / (p[j] + q[j] + _NEVER)
+            moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
+            r[j] = min(max(moved, 0.0), 1.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _collocation(x, rows, columns, h, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
+    """One step of every domain with the rates up[0..2], down[0..2] at start, middle and end, in place."""
+    for i in range(rows):
+        r = x[i * columns : (i + 1) * columns]
+        m = rows - 1 - i
+        p0, pm, p1 = up[0][m : m + columns], up[1][m : m + columns], up[2][m : m + columns]
+        q0, qm, q1 = down[0][i : i + columns], down[1][i : i + columns], down[2][i : i + columns]
+        p_decay, q_decay = up_decay[m : m + columns], down_decay[i : i + columns]
+        for j in range(columns):
+            s0 = p0[j] + q0[j] + _NEVER
+            sm = pm[j] + qm[j] + _NEVER
+            s1 = p1[j] + q1[j] + _NEVER
+            x0, xm, x1 = p0[j] / s0, pm[j] / sm, p1[j] / s1
+            clock = h / 6.0 * (s0 + 4.0 * sm + s1) + 1e-300
+            decay = p_decay[j] * q_decay[j]
+            # phi_2 = (exp(-clock) - 1 + clock)/clock^2: Taylor where this cancels; then phi_1 = (1 - exp(-clock))/clock
+            c = min(clock, 0.5)
+            taylor = 1 / 5040 - c * (
+                1 / 40320 - c * (1 / 362880 - c * (1 / 3628800 - c * (1 / 39916800 - c / 479001600)))
+            )
+            taylor = 1 / 2 - c * (1 / 6 - c * (1 / 24 - c * (1 / 120 - c * (1 / 720 - c * taylor))))
+            direct = (1.0 - (1.0 - decay) / clock) / clock
+            phi2 = taylor if clock < 0.5 else direct
+            phi1 = 1.0 - clock * phi2
+            # where on the inner clock the middle of the step lies; far from 1/2 only where nothing moves
+            theta = min(max(h / 24.0 * (5.0 * s0 + 8.0 * sm - s1) / clock, 0.25), 0.75)
+            curvature = (xm - x0 - theta * (x1 - x0)) / (theta * (theta - 1.0))
+            slope = x1 - x0 - curvature
+            moved = x1 + decay * (r[j] - x0) - slope * phi1 - 2.0 * curvature * phi2
+            r[j] = min(max(moved, 0.0), 1.0)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def weighted_sum(x, el):  # type: ignore[no-untyped-def]
+    """Sum of weight times x over all domains [-]."""
+    columns = el.column_weight.size
+    total = 0.0
+    for i in range(el.row_weight.size):
+        r = x[i * columns : (i + 1) * columns]
+        row = 0.0
+        for j in range(columns):
+            row += r[j] * el.column_weight[j]
+        total += row * el.row_weight[i]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _polarization(switched, weights, field, el):  # type: ignore[no-untyped-def]
+    """P [C/m^2] (3.16, 3.20) from the weighted sum of x, the sum of weights and the field [V/m]."""
+    return weights * field * el.susceptibility + el.bias + (2.0 * switched - weights) * el.domain_polarization
+
+
+@njit(cache=True, error_model="numpy")
+def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
+    """Take all x, in place, through a linear ramp of the field from start to end [V/m] in duration [s].
+
+    `work` holds the tables: shape (8, rows + columns - 1).
+    """
+    rows, columns = el.row_weight.size, el.column_weight.size
+    up, down, up_decay, down_decay = work[0:3], work[3:6], work[6], work[7]
+    u0 = start / el.width
+    climb = (end - start) / el.width
+    needed = math.ceil(abs(climb) / el.field_step)
+    count = int(min(max(needed, 1.0), float(_MAX_SUBSTEPS)))
+    h = duration / count
+    collocation = el.method == COLLOCATION and climb != 0.0
+    if collocation:
+        _fill_rates(up[2], down[2], el, u0)
+    for k in range(count):
+        if collocation:
+            up[0], down[0] = up[2], down[2]
+            _fill_rates(up[2], down[2], el, u0 + climb * ((k + 1.0) / count))
+        _fill_rates(up[1], down[1], el, u0 + climb * ((k + 0.5) / count))
+        if collocation:
+            _fill_decay(up_decay, h, up[0], up[1], up[2])
+            _fill_decay(down_decay, h, down[0], down[1], down[2])
+            _collocation(x, rows, columns, h, up, up_decay, down, down_decay)
+        else:
+            _fill_decay(up_decay, h, up[1], up[1], up[1])
+            _fill_decay(down_decay, h, down[1], down[1], down[1])
+            _midpoint(x, rows, columns, up[1], up_decay, down[1], down_decay)
+
+
+@njit(cache=True, error_model="numpy")
+def _work(el):  # type: ignore[no-untyped-def]
+    return np.zeros((8, el.forward.size))
+
+
+@njit(cache=True, error_model="numpy")
+def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore[no-untyped-def]
+    """Step through a block; `state` moves in place, the last two arrays are filled.
+
+    Returns the index of the first sample that cannot be used (time runs back, or not finite), else -1.
+    """
+    work = _work(el)
+    x = state[HEAD:]
+    weights = el.row_weight.sum() * el.column_weight.sum()
+    for k in range(time.size):
+        duration = time[k] - state[TIME]
+        if not (duration >= 0.0 and math.isfinite(time[k]) and math.isfinite(voltage[k])):
+            return k
+        field = voltage[k] / el.layer_thickness
+        advance(x, el, work, state[VOLTAGE] / el.layer_thickness, field, duration)
+        state[TIME], state[VOLTAGE] = time[k], voltage[k]
+        switched = weighted_sum(x, el)
+        phase_fraction[k] = switched / weights
+        polarization[k] = _polarization(switched, weights, field, el)
+    return -1
+
+
+@njit(cache=True, error_model="numpy")
+def run_inverse(state, el, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
+    """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
+
+    P rises with the voltage, so a root lies within +-limit [V] or beyond: then the limit is the answer.
+    Secant steps from the last two trials, bisection where they leave the bracket or do not halve it in three.
+    """
+    work = _work(el)
+    x = state[HEAD:]
+    trial_x = np.empty_like(x)
+    weights = el.row_weight.sum() * el.column_weight.sum()
+    for k in range(time.size):
+        duration = time[k] - state[TIME]
+        if not (duration >= 0.0 and math.isfinite(time[k])):
+            return k
+        start = state[VOLTAGE] / el.layer_thickness
+        v_old = state[VOLTAGE]
+        miss_old = _polarization(weighted_sum(x, el), weights, start, el) - target[k]
+        known = math.isfinite(target[k])
+        v = min(max(v_old - miss_old / state[SLOPE], -limit), limit) if known else v_old
+        low, high = -limit, limit
+        checked = 2.0 * high
+        for trial in range(_MAX_TRIALS):
+            trial_x[:] = x
+            field = v / el.layer_thickness
+            advance(trial_x, el, work, start, field, duration)
+            switched = weighted_sum(trial_x, el)
+            miss = _polarization(switched, weights, field, el) - target[k]
+            if not known or abs(miss) <= tolerance:
+                break
+            if miss < 0.0:
+                low = v
+            else:
+                high = v
+            if high - low <= 1e-15 * limit:
+                break  # also the way out at a limit: the wanted P is out of reach
+            slope = (miss - miss_old) / (v - v_old)
+            if slope > 0.0:
+                state[SLOPE] = slope
+            v_old, miss_old = v, miss
+            v = min(max(v - miss / slope, low), high) if slope > 0.0 else v_old
+            stuck = v == v_old or -limit < low == v or v == high < limit
+            if trial % 3 == 2:
+                stuck = stuck or high - low > 0.5 * checked
+                checked = high - low
+            if stuck:
+                v = 0.5 * (low + high)
+        x[:] = trial_x
+        state[TIME], state[VOLTAGE] = time[k], v
+        voltage[k] = v
+        phase_fraction[k] = switched / weights
+    return -1

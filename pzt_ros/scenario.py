@@ -1,0 +1,156 @@
+"""A scenario: which stage, which model of it, and what is done with it; as YAML."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pzt_ros.chains import load_chain, read_yaml, shipped
+from pzt_ros.controllers.controller import Controller
+from pzt_ros.controllers.table import CONTROLLERS
+from pzt_ros.errors import BenchError
+from pzt_ros.experiments.experiment import Experiment
+from pzt_ros.experiments.phases import PHASES, Phase
+from pzt_ros.hardware.guard import Limits
+from pzt_ros.observers.observer import Observer
+from pzt_ros.observers.table import find_observer
+from pzt_ros.quantities import build, parameter, parameters_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """How time is cut: everything that must be the same in every node."""
+
+    sample_rate: float = parameter(20e3, "Hz", "samples per second", bounds=(1.0, 1e6))
+    block_size: float = parameter(100.0, "1", "samples in a block", bounds=(2.0, 1e5))
+    seed: float = parameter(1.0, "1", "of every random number in the simulation", bounds=(0.0, 2**53))
+    handover_time: float = parameter(0.05, "s", "over which a change of controller is smoothed", bounds=(1e-3, 10.0))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scenario as read from its file.
+
+    Attributes:
+        name, description: for people.
+        plant: chain of the simulated stage (name or path).
+        model: chain that observer and controllers believe in (name or path).
+        timing: sample rate, block size, seed.
+        limits: of the amplifier.
+        observer: with its gains.
+        controllers: by name, with their gains.
+        phases: what happens, in order.
+        source: the file it came from.
+    """
+
+    name: str
+    description: str
+    plant: str
+    model: str
+    timing: Timing
+    limits: Limits
+    observer: Observer
+    controllers: dict[str, Controller]
+    phases: tuple[Phase, ...]
+    source: Path
+
+    @property
+    def sample_rate(self) -> float:
+        """Samples per second [Hz]."""
+        return self.timing.sample_rate
+
+    @property
+    def block_size(self) -> int:
+        """Samples in a block."""
+        return int(self.timing.block_size)
+
+    @property
+    def seed(self) -> int:
+        """Of every random number in the simulation."""
+        return int(self.timing.seed)
+
+    def experiment(self) -> Experiment:
+        """A conductor at the beginning of this scenario."""
+        return Experiment(self.phases, self.sample_rate, self.block_size)
+
+
+_KEYS = ("scenario", "description", "plant", "model", "observer", "controllers", "limits", "phases")
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """A scenario by shipped name or from a YAML file; its chains are checked, too.
+
+    Raises:
+        BenchError: no such file, bad YAML, unknown key, bad unit, value out of bounds, no such chain.
+    """
+    files = shipped("scenarios")
+    data, where = read_yaml(name_or_path, files, "scenario")
+    if not isinstance(data, dict):
+        raise BenchError(f"{where}: not a scenario; expected 'plant:', 'model:' and a list 'phases:'")
+    timing_keys = parameters_of(Timing)
+    for key in data:
+        if key not in _KEYS and key not in timing_keys:
+            raise BenchError(f"{where}: unknown key '{key}'; known are {', '.join((*_KEYS, *timing_keys))}")
+    for key in ("plant", "model", "phases"):
+        if key not in data:
+            raise BenchError(f"{where}: key '{key}' is missing")
+    timing = build(Timing, {key: data[key] for key in timing_keys if key in data}, where)
+    if timing.block_size != int(timing.block_size):
+        raise BenchError(f"{where}.block_size: {timing.block_size} is not a whole number of samples")
+    path = files.get(str(name_or_path), Path(name_or_path)).resolve()
+    return Scenario(
+        name=str(data.get("scenario", path.stem)),
+        description=str(data.get("description", "")).strip(),
+        plant=_chain_name(data["plant"], path),
+        model=_chain_name(data["model"], path),
+        timing=timing,
+        limits=build(Limits, data.get("limits") or {}, f"{where}: limits"),
+        observer=_observer(data.get("observer") or {}, where),
+        controllers=_controllers(data.get("controllers") or {}, where),
+        phases=_phases(data["phases"], where),
+        source=path,
+    )
+
+
+def _chain_name(name: Any, scenario: Path) -> str:
+    """The chain's name, or its path made absolute: a relative path starts at the scenario's folder."""
+    beside = scenario.parent / str(name)
+    chosen = str(beside) if beside.suffix == ".yaml" and beside.exists() else str(name)
+    load_chain(chosen)
+    return chosen
+
+
+def _observer(entry: Any, where: str) -> Observer:
+    values = dict(entry)
+    kind = values.pop("observer", "disturbance")
+    observer: Observer = build(find_observer(kind), values, f"{where}: observer")
+    return observer
+
+
+def _controllers(entries: Any, where: str) -> dict[str, Controller]:
+    if not isinstance(entries, dict):
+        raise BenchError(f"{where}: controllers: expected a controller's name and its gains, found {entries!r}")
+    for name in entries:
+        if name not in CONTROLLERS:
+            raise BenchError(f"{where}: unknown controller '{name}'; known are {', '.join(CONTROLLERS)}")
+    return {
+        name: build(cls, entries.get(name) or {}, f"{where}: controllers.{name}") for name, cls in CONTROLLERS.items()
+    }
+
+
+def _phases(entries: Any, where: str) -> tuple[Phase, ...]:
+    if not isinstance(entries, list) or not entries:
+        raise BenchError(f"{where}: phases: expected a list of phases, found {entries!r}")
+    phases = []
+    for number, entry in enumerate(entries, start=1):
+        here = f"{where}: phase {number}"
+        if not isinstance(entry, dict) or entry.get("phase") not in PHASES:
+            raise BenchError(f"{here}: expected 'phase: kind', kind one of {', '.join(PHASES)}; found {entry!r}")
+        values = {key: value for key, value in entry.items() if key != "phase"}
+        phase = build(PHASES[entry["phase"]], values, f"{here} ({entry['phase']})")
+        controller = getattr(phase, "controller", "")
+        if controller and controller not in CONTROLLERS:
+            raise BenchError(f"{here}: unknown controller '{controller}'; known are {', '.join(CONTROLLERS)}")
+        phases.append(phase)
+    return tuple(phases)
