@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import random
 import socket
 import tempfile
 from pathlib import Path
@@ -42,7 +43,8 @@ def take_domain(wanted: int | None) -> DomainLock:
                 f"ROS domain {wanted} is in use: another bringup{_holder(wanted)} runs in it; stop it or choose another --domain"
             )
         return lock
-    start = os.getpid() % len(DOMAINS)
+    # Not the one of a moment ago: participants that died uncleanly haunt a domain for seconds.
+    start = random.randrange(len(DOMAINS))
     for domain in (*DOMAINS[start:], *DOMAINS[:start]):
         if domain == 0 or _is_occupied(domain):
             continue  # 0 is where everybody else's tools are by default

@@ -27,6 +27,7 @@ class ControllerNode(GraphNode):
         active = str(self.declare_parameter("controller", "open_loop", described).value)
         controllers = {name: declare_all(self, name, cls()) for name, cls in CONTROLLERS.items()}
         self.loop = ControlLoop(model, controllers, self.rest, active, self.timing.handover_time)
+        self.loop.warm_up()
         self._join = Join(("reference", "applied", "measurement", "estimate"), self._on_tick)
         self._asked: Reference | None = None
         for name in ("applied", "measurement", "estimate"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -17,13 +18,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pzt_config.qos import QOS
 from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
-from pzt_nodes.messages import TYPES, block_message, diagnostics
+from pzt_nodes.messages import TYPES, diagnostics, foreign_block
 from pzt_nodes.parameters import declare_all, declare_text
-from pzt_ros.blocks import Block, BlockError, read_block
+from pzt_ros.blocks import Block, BlockError
 from pzt_ros.chains import load_chain
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Rest
 from pzt_ros.scenario import Timing
+from pzt_ros.wire import decode, encode
 
 PLOT_RATE = 100.0
 """The decimated topics for plotters are published at most this often [Hz]."""
@@ -74,9 +76,9 @@ class GraphNode(Node):
         """Call `callback` with every block on a topic; what is no block with the table's columns is counted and dropped."""
         topic = TOPICS[name]
 
-        def receive(message: Any) -> None:
+        def receive(data: bytes) -> None:
             try:
-                block = read_block(message)
+                block = decode(data, topic.columns, self.block_size) or foreign_block(data)
             except BlockError as error:
                 self.refuse(name, str(error))
                 return
@@ -85,7 +87,7 @@ class GraphNode(Node):
                 return
             callback(block)
 
-        self.create_subscription(TYPES[topic.type], name, receive, self._qos(topic))
+        self.create_subscription(TYPES[topic.type], name, receive, self._qos(topic), raw=True)
 
     def refuse(self, name: str, why: str) -> None:
         """Count a message that cannot be used, and say why (at most once a second)."""
@@ -94,7 +96,7 @@ class GraphNode(Node):
 
     def publish(self, name: str, *arrays: NDArray[np.float64]) -> None:
         """Publish a block: one array per column of the table."""
-        self._publishers_by_topic[name].publish(block_message(TOPICS[name].columns, arrays))
+        self._publishers_by_topic[name].publish(encode(TOPICS[name].columns, arrays))
 
     def plot(self, name: str, time_s: float, make: Callable[[], Any]) -> None:
         """Publish on a decimated topic, unless its last message is younger than 1/100 s of the run's own time."""
@@ -155,14 +157,17 @@ class GraphNode(Node):
         )
         if self._report_to_supervisor:
             status = {"node": self.role, "level": level, "state": text, **values}
-            sys.stdout.write("PZT_STATUS " + json.dumps(status) + "\n")
-            sys.stdout.flush()
+            # A supervisor that was killed must not take the ramp to 0 V with it.
+            with contextlib.suppress(OSError):
+                sys.stdout.write("PZT_STATUS " + json.dumps(status) + "\n")
+                sys.stdout.flush()
 
     # -- the end
 
     def finish(self, code: int = 0) -> None:
         """This node has nothing more to do; the process ends, with the highest code of its nodes."""
         self.exit_code = code if self.exit_code is None else max(self.exit_code, code)
+        self._report()
 
     def stop(self) -> None:
         """Asked to stop (Ctrl-C, or another node of the process finished): a node that has to tidy up first overrides this."""

@@ -9,11 +9,12 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray, MultiArrayDimension
+from std_msgs.msg import Float64, Float64MultiArray
 
 from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE
-from pzt_ros.blocks import Block, fill_message
+from pzt_ros.blocks import Block, BlockError, read_block
 
 TYPES = {BLOCK: Float64MultiArray, JOINT_STATE: JointState, FLOAT: Float64, DIAGNOSTICS: DiagnosticArray}
 """Message classes by their ROS name."""
@@ -21,9 +22,17 @@ TYPES = {BLOCK: Float64MultiArray, JOINT_STATE: JointState, FLOAT: Float64, DIAG
 LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
 
 
-def block_message(columns: tuple[str, ...], arrays: tuple[NDArray[np.float64], ...]) -> Float64MultiArray:
-    """A block message from one array per column [each of shape (n,)]."""
-    return fill_message(Float64MultiArray(), MultiArrayDimension, Block(columns, np.column_stack(arrays)))
+def foreign_block(data: bytes) -> Block:
+    """The block in bytes that our own nodes did not write.
+
+    Raises:
+        BlockError: it is no block.
+    """
+    try:
+        message = deserialize_message(data, Float64MultiArray)
+    except Exception as error:  # rclpy raises RuntimeError and others; all mean that it is no message
+        raise BlockError(f"not a Float64MultiArray: {error}") from error
+    return read_block(message)
 
 
 def stamp(time: float) -> Time:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rclpy.parameter import Parameter
 
 from pzt_nodes.graph_node import GraphNode
@@ -10,6 +11,7 @@ from pzt_nodes.parameters import changed, declare_all, declare_text, on_change
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
 from pzt_ros.observers.table import OBSERVERS, find_observer
+from pzt_ros.physics.signals import REHEARSAL
 
 
 class ObserverNode(GraphNode):
@@ -21,6 +23,8 @@ class ObserverNode(GraphNode):
         kind = declare_text(self, "observer", "disturbance", f"one of {', '.join(OBSERVERS)}")
         self.observer = declare_all(self, kind, find_observer(kind)())
         self._state = self.observer.init(self.model, self.rest)
+        zeros = np.zeros_like(REHEARSAL)
+        self.observer.update(self.model, self._state, REHEARSAL, zeros, zeros)  # compiles what the first block needs
         self._join = Join(("applied", "measurement"), self._on_tick)
         self.listen("applied", lambda block: self._take("applied", block))
         self.listen("measurement", lambda block: self._take("measurement", block))

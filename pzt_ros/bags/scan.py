@@ -63,7 +63,7 @@ StoredMessage = tuple[Topic, int, memoryview]
 """Topic, log time [ns], serialized message."""
 
 
-class Damage(Exception):
+class DamageError(Exception):
     """From here on the file cannot be read."""
 
     def __init__(self, offset: int, what: str) -> None:
@@ -95,13 +95,13 @@ class McapFile:
         self._bytes = _mapped(path)
         self.size = len(self._bytes)
         self.tallies: dict[Topic, Tally] = {}
-        self.damage: Damage | None = None
+        self.damage: DamageError | None = None
         self._end = self.size
         declared = _Declared()
         try:
             for topic, log_time, _ in _walk(self._bytes, self.size, declared, verify=True):
                 self.tallies.setdefault(topic, Tally()).add(log_time)
-        except Damage as damage:
+        except DamageError as damage:
             self.damage = damage
             self._end = damage.offset
         for topic in declared.topics.values():
@@ -131,7 +131,7 @@ def _walk(data: memoryview, end: int, declared: _Declared, verify: bool) -> Iter
     """The messages of the records before `end`; with `verify` also every checksum and the end of the file.
 
     Raises:
-        Damage: with `verify` only, because without it `end` lies before the damage.
+        DamageError: with `verify` only, because without it `end` lies before the damage.
     """
     offset = len(MAGIC)
     checksum = zlib.crc32(data[:offset])
@@ -159,24 +159,24 @@ def _walk(data: memoryview, end: int, declared: _Declared, verify: bool) -> Iter
                 if message is not None:
                     yield message
         except Exception as error:  # parser and decompressors raise a dozen kinds; to the reader they are one
-            raise Damage(offset, str(error) or type(error).__name__) from None
+            raise DamageError(offset, str(error) or type(error).__name__) from None
         if verify and not data_end_seen:
             checksum = zlib.crc32(data[offset:stop], checksum)
         offset = stop
     if verify:
-        raise Damage(end, "the end of the file is missing")
+        raise DamageError(end, "the end of the file is missing")
 
 
 def _frame(data: memoryview, offset: int, end: int) -> tuple[int, int, int]:
     """Opcode, start and stop of the content of the record at `offset`."""
     start = offset + _RECORD_HEAD.size
     if start > end:
-        raise Damage(offset, "the file ends within a record")
+        raise DamageError(offset, "the file ends within a record")
     opcode, length = _RECORD_HEAD.unpack_from(data, offset)
     if opcode == 0 or Opcode.DATA_END < opcode < _FIRST_PRIVATE_OPCODE:
-        raise Damage(offset, f"0x{opcode:02x} is no kind of record")
+        raise DamageError(offset, f"0x{opcode:02x} is no kind of record")
     if start + length > end:
-        raise Damage(offset, f"a record of {length} bytes reaches past the end of the file")
+        raise DamageError(offset, f"a record of {length} bytes reaches past the end of the file")
     return opcode, start, start + length
 
 

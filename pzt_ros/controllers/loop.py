@@ -12,7 +12,7 @@ from pzt_ros.controllers.controller import Controller, Feedback
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR, AMPLIFIER, SENSOR
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 
 
@@ -44,6 +44,15 @@ class ControlLoop:
         self._jump = 0.0
         self._since = 0.0
         self.select(active)
+
+    def warm_up(self) -> None:
+        """Compile now what the first block of each controller would have to wait for; no state is changed."""
+        zeros = np.zeros_like(REHEARSAL)
+        _, at_rest = self._model.step(self._model_state, Signals(REHEARSAL, zeros))
+        feedback = Feedback(REHEARSAL, zeros, at_rest.displacement, at_rest.displacement, zeros, self._model_state)
+        for controller in self.controllers.values():
+            state = controller.init(self._model, feedback)
+            controller.step(self._model, state, REHEARSAL, at_rest.displacement, feedback)
 
     def select(self, name: str) -> None:
         """Give displacement references to another controller from the next block on.

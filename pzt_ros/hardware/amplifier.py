@@ -9,7 +9,7 @@ import numpy as np
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR, AMPLIFIER
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,9 @@ class AmplifierDriver(Protocol):
     def voltage(self) -> float:
         """Voltage found at the stack now [V]."""
 
+    def warm_up(self) -> None:
+        """Get ready for the first block without putting anything out."""
+
 
 class SimulatedAmplifier:
     """The amplifier of the chain with its load: the ceramic, whose switching draws the current.
@@ -62,6 +65,10 @@ class SimulatedAmplifier:
         here = Signals(time=np.array([rest.time]), voltage=np.array([rest.voltage]))
         _, signals = self._load.step(self._load_state, here)
         return float(signals.polarization[0]) if signals.polarization.size else 0.0
+
+    def warm_up(self) -> None:
+        """Compile now what the first block would have to wait for; the state stays as it is."""
+        self._load.step(self._load_state, Signals(REHEARSAL, np.zeros_like(REHEARSAL)))
 
     @property
     def voltage(self) -> float:

@@ -61,6 +61,7 @@ class GuardedAmplifier:
     def warm_up(self) -> None:
         """Compile now what the first command would have to wait for."""
         _limit_slew(np.zeros(2), 0.0, 1.0)
+        self.driver.warm_up()
 
     @property
     def next_block(self) -> int:

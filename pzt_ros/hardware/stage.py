@@ -9,7 +9,7 @@ import numpy as np
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR, SENSOR
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
 
@@ -58,8 +58,7 @@ class SimulatedStage:
 
     def warm_up(self) -> None:
         """Compile now what the first block would have to wait for; the state stays as it is."""
-        times = np.array([1e-4, 2e-4])
-        self._chain.step(self._state, Signals(times, np.zeros(2)))
+        self._chain.step(self._state, Signals(REHEARSAL, np.zeros_like(REHEARSAL)))
 
 
 class SensorDriver(Protocol):
@@ -75,6 +74,10 @@ class SimulatedSensor:
     def __init__(self, chain: Chain, rest: Rest) -> None:
         self._chain = chain.section(SENSOR)
         self._state = self._chain.init(rest)
+
+    def warm_up(self) -> None:
+        """Compile now what the first block would have to wait for; the state stays as it is."""
+        self._chain.step(self._state, Signals(REHEARSAL, displacement=np.zeros_like(REHEARSAL)))
 
     def read(self, time: Array, displacement: Array) -> Array:
         """The readings [m] at the sample times."""

@@ -170,15 +170,20 @@ def equal_probability(density: Density, count: int) -> Nodes:
 
 
 def equally_spaced(density: Density, spacing: float, cut: float = 4.5) -> Nodes:
-    """Nodes `spacing` [V/m] apart, an even number; no node lies at the middle of a symmetric density."""
+    """Nodes `spacing` [V/m] apart, an even number.
+
+    They lie symmetrically in the support, so that none is at the middle; or, where the density starts with a jump, from
+    there on (a jump at the upper end of a table is met to within a node only).
+    """
     if density.spread == 0:
         return np.array([density.peak]), np.ones(1)
     low, high = density.support(cut)
     count = 2 * max(1, math.ceil((high - low) / (2 * spacing)))
-    clipped = isinstance(density, Gaussian) and low == density.lower
-    start = low if clipped else (low + high - count * spacing) / 2
+    at_low, at_peak = density.at(np.array([low, density.peak]))
+    jump = at_low > 0.02 * at_peak
+    start = low if jump else (low + high - count * spacing) / 2
     fields: Array = start + (np.arange(count, dtype=np.float64) + 0.5) * spacing
     weights = spacing * density.at(fields)
-    if clipped:  # the midpoint rule misses spacing^2/24 times the slope at an end where the density does not fade out
+    if jump:  # the midpoint rule misses spacing^2/24 times the slope at an end where the density does not fade out
         weights[:2] *= (25 / 24, 23 / 24)
     return fields, weights

@@ -1,4 +1,4 @@
-"""The parametrized ferroelectric: one representative domain whose barrier follows what has already switched (thesis 3.3)."""
+"""The parametrized ferroelectric: one representative domain whose barrier follows what has switched (thesis 3.3)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from pzt_ros.errors import BenchError
+from pzt_ros.physics import parametrized_branch as branch
+from pzt_ros.physics import parametrized_inverse as inverse
 from pzt_ros.physics import parametrized_kernel as kernel
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import ACTUATOR, Link, State
@@ -128,17 +130,15 @@ class Parametrized(Link):
     )
 
     @functools.cached_property
-    def material(self) -> kernel.Material:
+    def material(self) -> branch.Material:
         """The numbers as the compiled kernel takes them."""
-        return kernel.Material(
+        return branch.Material(
             float(self.barrier_ascending),
             float(self.shape_ascending),
             float(self.barrier_descending),
             float(self.shape_descending),
             float(self.relaxation_time),
-            thermal_width(
-                self.reciprocal_permittivity, self.temperature, self.domain_volume
-            ),
+            thermal_width(self.reciprocal_permittivity, self.temperature, self.domain_volume),
             float(self.domain_polarization),
             float(self.reciprocal_permittivity),
             float(self.layer_thickness),
@@ -149,10 +149,10 @@ class Parametrized(Link):
         """The state after the pre-history and, if the rest voltage is not 0, a ramp to it within 1 s."""
         state = _after_history(self).copy()
         if rest.voltage != 0.0:
-            end = state[kernel.TIME] + _RAMP_TO_REST
+            end = state[branch.TIME] + _RAMP_TO_REST
             self._run(state, np.array([end]), np.array([float(rest.voltage)]))
-        state[kernel.TIME] = rest.time
-        state[[kernel.REVERSALS, kernel.CLOSURES]] = 0.0
+        state[branch.TIME] = rest.time
+        state[[branch.RATE, branch.PAST, branch.REVERSALS, branch.CLOSURES]] = 0.0
         return state
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
@@ -177,13 +177,11 @@ class Parametrized(Link):
             BenchError: a time or the polarization is missing, or a time is no finite number.
         """
         if signals.polarization is None:
-            raise BenchError(
-                "parametrized: the block has no polarization to invert; set it before calling invert"
-            )
+            raise BenchError("parametrized: the block has no polarization to invert; set it before calling invert")
         time = _finite(signals.time, "time", "s")
         target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
         after, voltage, x = state.copy(), np.empty(time.size), np.empty(time.size)
-        kernel.run_inverse(after, self.material, time, target, voltage, x)
+        inverse.run_inverse(after, self.material, time, target, voltage, x)
         return after, signals.replace(voltage=voltage, phase_fraction=x)
 
     def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
@@ -194,16 +192,12 @@ class Parametrized(Link):
 
 def _finite(values: Array | None, name: str, unit: str) -> Array:
     if values is None:
-        raise BenchError(
-            f"parametrized: the block has no {name}; set it before calling step"
-        )
+        raise BenchError(f"parametrized: the block has no {name}; set it before calling step")
     array = np.ascontiguousarray(values, dtype=np.float64)
     finite = np.isfinite(array)
     if not finite.all():
         first = int(np.argmin(finite))
-        raise BenchError(
-            f"parametrized: {name} is {array[first]} {unit} at sample {first}; give finite numbers"
-        )
+        raise BenchError(f"parametrized: {name} is {array[first]} {unit} at sample {first}; give finite numbers")
     return array
 
 
@@ -211,19 +205,10 @@ def _finite(values: Array | None, name: str, unit: str) -> Array:
 def _after_history(link: Parametrized) -> State:
     """State at the end of the pre-history; read-only, since it is shared."""
     material = link.material._replace(accuracy=min(link.accuracy, _PRERUN_ACCURACY))
-    state = kernel.fresh_state(material, float(link.saturation_barrier))
+    state = branch.fresh_state(material, float(link.saturation_barrier))
     if link.start == "virgin":
         time = np.linspace(0.0, 1.0, _PRERUN_SAMPLES)
-        voltage = (
-            link.virgin_amplitude
-            * np.sin(20 * np.pi * time)
-            * (1 - time)
-            * link.layer_thickness
-        )
-        kernel.run(
-            state, material, time, voltage, np.empty_like(time), np.empty_like(time)
-        )
-    state[kernel.PAST] = 0.0
-    state[kernel.STEP] = np.inf
+        voltage = link.virgin_amplitude * np.sin(20 * np.pi * time) * (1 - time) * link.layer_thickness
+        kernel.run(state, material, time, voltage, np.empty_like(time), np.empty_like(time))
     state.flags.writeable = False
     return state

@@ -1,13 +1,12 @@
 """One branch of the parametrized model, and the memory of reversal points (thesis 3.3, 3.34, 3.35), compiled.
 
-On a branch from reversal point to reversal point the barrier is B = b (+-1 + s w) with erfc(-w) linear in x: that is (3.34)
-solved for x, so w is the unknown and no inverse erfc is ever needed. x and 1 - x are carried both, each from the tail in
-which it is small. Everything the model knows is one flat array, laid out below.
+On a branch from reversal point to reversal point the barrier is B = b (+-1 + s w) with erfc(-w) linear in x: that is
+(3.34) solved for x, so w is the unknown and no inverse erfc is ever needed. x and 1 - x are carried both, each exact in
+the tail where it is small. Everything the model knows is one flat array, laid out below.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Final, NamedTuple
 
@@ -17,7 +16,7 @@ from numba import njit
 from pzt_ros.physics.kinetics import erfcx_positive
 from pzt_ros.physics.signals import Array
 
-compiled = functools.partial(njit, cache=True, error_model="numpy", fastmath={"contract"})()
+compiled = njit(cache=True, error_model="numpy", fastmath={"contract"})
 """Division by zero gives inf or NaN, which the steps test for; a*b + c may be one instruction."""
 
 
@@ -76,18 +75,11 @@ SIZE: Final = STACK + 3 * DEPTH
 
 
 _TWO_BY_SQRT_PI = 2.0 / math.sqrt(math.pi)
-    1e-9  # to which reversal and closure are located: below 1 mV/m of barrier
-)
-_MARGIN = 0.25  # how far beyond a reversal point an iterate of w may go
-_FIELD_RESOLUTION = (
-    1e-10  # of the thermal width: field changes below it are rounding, not reversals
-)
+_MARGIN = 0.25  # how far beyond the reversal point ahead an iterate of w may go
 
 
 @compiled
-def evaluate(
-    state: Array, m: Material, w: float, field: float
-) -> tuple[float, float, float, float, float]:
+def evaluate(state: Array, m: Material, w: float, field: float) -> tuple[float, float, float, float, float]:
     """x, 1 - x, dx/dw, f = dx/dt [1/s] and df/dw on the present branch at barrier w and field [V/m] (3.8 to 3.10)."""
     gauss = math.exp(state[SHIFT] - w * w)
     tail = gauss * erfcx_positive(abs(w))
@@ -105,26 +97,19 @@ def evaluate(
     e = math.exp(-a * a)
     fast, slow = 1.0 / g, e / (2.0 - e * g)
     up, down = (fast, slow) if z >= 0.0 else (slow, fast)
-    f_z = (
-        up * (_TWO_BY_SQRT_PI * up - 2.0 * z) * xc
-        + down * (_TWO_BY_SQRT_PI * down + 2.0 * z) * x
-    )
+    f_z = up * (_TWO_BY_SQRT_PI * up - 2.0 * z) * xc + down * (_TWO_BY_SQRT_PI * down + 2.0 * z) * x
     f = (up * xc - down * x) / m.relaxation_time
-    f_w = (
-        -(f_z * state[SLOPE] / m.thermal_width + (up + down) * x_w) / m.relaxation_time
-    )
+    f_w = -(f_z * state[SLOPE] / m.thermal_width + (up + down) * x_w) / m.relaxation_time
     return x, xc, x_w, f, f_w
 
 
 @compiled
 def limits(state: Array) -> tuple[float, float]:
-    """Range of w for iterates: up to saturation, or a little beyond a reversal point."""
-    count = state[COUNT]
-    saturated_low = count <= 3.0
-    saturated_high = count <= 2.0
-    low = state[W_LOW] if saturated_low else state[W_LOW] - _MARGIN
-    high = state[W_HIGH] if saturated_high else state[W_HIGH] + _MARGIN
-    return low, high
+    """Range of w for iterates: from where the branch began to just beyond the point ahead, if it can be passed."""
+    margin = _MARGIN if state[COUNT] >= 4.0 else 0.0
+    if state[DIRECTION] > 0.0:
+        return state[W_LOW], state[W_HIGH] + margin
+    return state[W_LOW] - margin, state[W_HIGH]
 
 
 @compiled
@@ -138,9 +123,7 @@ def room(state: Array, w: float) -> float:
 @compiled
 def refresh(state: Array, m: Material) -> None:
     """Recompute what depends on w and the field."""
-    state[X], state[XC], state[X_W], state[F], state[F_W] = evaluate(
-        state, m, state[W], state[FIELD]
-    )
+    state[X], state[XC], state[X_W], state[F], state[F_W] = evaluate(state, m, state[W], state[FIELD])
 
 
 @compiled
@@ -219,9 +202,8 @@ def close_loop(state: Array, m: Material) -> None:
 def fresh_state(m: Material, saturation_barrier: float) -> Array:
     """Negatively saturated at time 0 and field 0: x = 0, B = -B_sat, ascending."""
     state = np.zeros(SIZE)
-    state[STACK : STACK + 6] = np.array(
-        [1.0, 0.0, saturation_barrier, 0.0, 1.0, -saturation_barrier]
-    )
+    state[STACK], state[STACK + 1], state[STACK + 2] = 1.0, 0.0, saturation_barrier
+    state[STACK + 3], state[STACK + 4], state[STACK + 5] = 0.0, 1.0, -saturation_barrier
     state[COUNT] = 2.0
     state[STEP] = math.inf
     follow_branch(state, m)
@@ -233,7 +215,4 @@ def fresh_state(m: Material, saturation_barrier: float) -> Array:
 @compiled
 def polarization(state: Array, m: Material) -> float:
     """P = E/E1 + (2x - 1) P_T [C/m^2] (3.20)."""
-    return (
-        state[FIELD] / m.reciprocal_permittivity
-        + (state[X] - state[XC]) * m.domain_polarization
-    )
+    return state[FIELD] / m.reciprocal_permittivity + (state[X] - state[XC]) * m.domain_polarization

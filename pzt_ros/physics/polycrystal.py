@@ -23,7 +23,7 @@ QUASI_STATIC_RATE = 1e5
 FIELD_LIMIT = 1e7
 """The inverse looks for fields up to this [V/m]; a PZT layer breaks down before."""
 
-INVERSE_TOLERANCE = 1e-11
+INVERSE_TOLERANCE = 1e-10
 """Polarization by which the inverse may miss [C/m^2]."""
 
 METHODS = {"collocation": kernel.COLLOCATION, "midpoint": kernel.MIDPOINT}
@@ -33,7 +33,7 @@ METHODS = {"collocation": kernel.COLLOCATION, "midpoint": kernel.MIDPOINT}
 class Polycrystal(Link):
     """What quadrature and lattice share; they differ in where they put their domains.
 
-    State: last time [s], last voltage [V], slope of the last inverse step [C/(m^2 V)], then x+ of every domain [-].
+    State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], then x+ of every domain [-].
 
     Attributes:
         coercive_density, interaction_density: in place of the Gaussians, a table each.
@@ -141,8 +141,7 @@ class Polycrystal(Link):
         Raises:
             BenchError: no voltage, a sample that is not finite, time that runs back, a foreign state.
         """
-        if signals.voltage is None:
-            raise BenchError(f"{self.kind}: the block has no voltage; put a link or a record that gives one before it")
+        self._check_size("voltage", signals.voltage, signals.time)
         after = self._own(state)
         polarization, phase_fraction = self._run(after, signals.time, signals.voltage)
         return after, signals.replace(polarization=polarization, phase_fraction=phase_fraction)
@@ -155,8 +154,7 @@ class Polycrystal(Link):
         Raises:
             BenchError: no polarization, time that runs back, a foreign state.
         """
-        if signals.polarization is None:
-            raise BenchError(f"{self.kind}: the block has no polarization to invert; invert the links behind it first")
+        self._check_size("polarization", signals.polarization, signals.time)
         after = self._own(state)
         voltage, phase_fraction = np.empty(signals.time.size), np.empty(signals.time.size)
         limit = FIELD_LIMIT * self.layer_thickness
@@ -168,6 +166,14 @@ class Polycrystal(Link):
                 f"{self.kind}: time {signals.time[bad]:.9g} s at sample {bad} is not after the one before; sort it"
             )
         return after, signals.replace(voltage=voltage, phase_fraction=phase_fraction)
+
+    def _check_size(self, name: str, values: Array, time: Array) -> None:
+        """The compiled loops do not look where they read."""
+        if values.size != time.size:
+            raise BenchError(
+                f"{self.kind}: the block has {values.size} values of {name} for {time.size} times;"
+                f" put a link or a record that gives {name} before this one"
+            )
 
     def _own(self, state: State) -> State:
         """A copy of a state that fits this link."""

@@ -14,7 +14,7 @@ Each domain obeys x' = p (1 - x) - q x (3.8), linear in x for a given field. Two
   low barrier follows its equilibrium p/(p + q), which mid-step rates know half a step late: order 1 there.
 * collocation: with s = p + q and the inner clock sigma = int s dt, x' = s (xe - x) has a closed solution for xe
   quadratic in sigma; xe and s are taken at both ends and the middle of the step (exponential collocation: Hochbruck and
-  Ostermann, Acta Numerica 2010, section 2). Order 4, and it ends on the equilibrium however slow the ramp. Magnus-4 is as
+  Ostermann, Acta Numerica 2010, section 2). Order 4, and ends on the equilibrium however slow the ramp. Magnus-4 is as
   good in fast ramps, but its commutator grows with the step times the rate and wrecks slow ones: errors above 1 in x+.
 """
 
@@ -31,7 +31,7 @@ from pzt_ros.physics.signals import Array
 
 MIDPOINT, COLLOCATION = 0, 1
 TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
-"""State: last time [s], last voltage [V], dP/dV of the last inverse step [C/(m^2 V)] (for its next guess), every x."""
+"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], every x."""
 
 _MAX_SUBSTEPS = 100_000
 _NEVER = 1e-290  # keeps p/(p + q) defined for a frozen domain
@@ -72,10 +72,10 @@ def field_step(method: int, accuracy: float) -> float:
     """The substep [-, in units of d] that keeps the error of x+ below about `accuracy`: see the tests of its order."""
     if method == MIDPOINT:
         return 0.01 * math.sqrt(accuracy / 1e-6)
-    return 0.05 * math.sqrt(math.sqrt(accuracy / 1e-6))
+    return 0.035 * math.sqrt(math.sqrt(accuracy / 1e-6))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
     """Both rate tables [1/s] at the field u [in units of d]."""
     for k in range(up.size):
@@ -83,7 +83,7 @@ def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
         down[k] = el.attempt_rate * switching_rate(el.backward[k] - u)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _fill_decay(decay, h, first, middle, last):  # type: ignore[no-untyped-def]
     """exp(- integral of a rate over the step) by Simpson's rule."""
     for k in range(decay.size):
@@ -165,6 +165,8 @@ def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
 
     `work` holds the tables: shape (8, rows + columns - 1).
     """
+    if duration == 0.0:
+        return
     rows, columns = el.row_weight.size, el.column_weight.size
     up, down, up_decay, down_decay = work[0:3], work[3:6], work[6], work[7]
     u0 = start / el.width
@@ -173,13 +175,14 @@ def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
     count = int(min(max(needed, 1.0), float(_MAX_SUBSTEPS)))
     h = duration / count
     collocation = el.method == COLLOCATION and climb != 0.0
-    if collocation:
-        _fill_rates(up[2], down[2], el, u0)
     for k in range(count):
-        if collocation:
-            up[0], down[0] = up[2], down[2]
-            _fill_rates(up[2], down[2], el, u0 + climb * ((k + 1.0) / count))
-        _fill_rates(up[1], down[1], el, u0 + climb * ((k + 0.5) / count))
+        if k > 0:
+            up[0] = up[2]
+            down[0] = down[2]
+        first = 1 if k > 0 or not collocation else 0
+        last = 2 if collocation else 1
+        for node in range(first, last + 1):  # start, middle, end of the substep
+            _fill_rates(up[node], down[node], el, u0 + climb * ((k + 0.5 * node) / count))
         if collocation:
             _fill_decay(up_decay, h, up[0], up[1], up[2])
             _fill_decay(down_decay, h, down[0], down[1], down[2])
@@ -221,24 +224,27 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
 def run_inverse(state, el, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
     """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
 
-    P rises with the voltage, so a root lies within +-limit [V] or beyond: then the limit is the answer.
-    Secant steps from the last two trials, bisection where they leave the bracket or do not halve it in three.
+    P rises with the voltage, at least as steeply as without switching, and a root lies within +-limit [V] or beyond: then
+    the limit is the answer. The first trial continues with the last sample's slope, then a Newton step, then secants;
+    bisection where they leave the bracket or do not halve it in three.
     """
     work = _work(el)
     x = state[HEAD:]
     trial_x = np.empty_like(x)
     weights = el.row_weight.sum() * el.column_weight.sum()
+    least_slope = weights * el.susceptibility / el.layer_thickness
     for k in range(time.size):
         duration = time[k] - state[TIME]
         if not (duration >= 0.0 and math.isfinite(time[k])):
             return k
         start = state[VOLTAGE] / el.layer_thickness
-        v_old = state[VOLTAGE]
-        miss_old = _polarization(weighted_sum(x, el), weights, start, el) - target[k]
         known = math.isfinite(target[k])
-        v = min(max(v_old - miss_old / state[SLOPE], -limit), limit) if known else v_old
-        low, high = -limit, limit
-        checked = 2.0 * high
+        way = target[k] - _polarization(weighted_sum(x, el), weights, start, el)
+        v = state[VOLTAGE]
+        if known:
+            v = min(max(v + way / state[SLOPE], -limit), limit)
+        low, high, checked = -limit, limit, 4.0 * limit
+        slope, v_old, miss_old = least_slope, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
             trial_x[:] = x
             field = v / el.layer_thickness
@@ -253,17 +259,19 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
                 high = v
             if high - low <= 1e-15 * limit:
                 break  # also the way out at a limit: the wanted P is out of reach
-            slope = (miss - miss_old) / (v - v_old)
-            if slope > 0.0:
-                state[SLOPE] = slope
+            if trial > 0:
+                slope = max((miss - miss_old) / (v - v_old), least_slope)
             v_old, miss_old = v, miss
-            v = min(max(v - miss / slope, low), high) if slope > 0.0 else v_old
+            v = min(max(v - miss / slope, low), high)
             stuck = v == v_old or -limit < low == v or v == high < limit
             if trial % 3 == 2:
                 stuck = stuck or high - low > 0.5 * checked
                 checked = high - low
             if stuck:
                 v = 0.5 * (low + high)
+        climb = v - state[VOLTAGE]
+        if known and abs(climb) > 1e-9 * limit:
+            state[SLOPE] = max((way + miss) / climb, least_slope)
         x[:] = trial_x
         state[TIME], state[VOLTAGE] = time[k], v
         voltage[k] = v

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +11,9 @@ Array = NDArray[np.float64]
 
 ABSENT: Array = np.empty(0)
 """Stands where a quantity is not known (yet)."""
+
+REHEARSAL: Array = np.arange(1, 5) * 50e-6
+"""Sample times for a rehearsal: a step whose outcome is thrown away, so that compiled code is ready before the first block."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,9 @@ class Signals:
 
     def replace(self, **changes: Array) -> Signals:
         """A copy with some quantities replaced."""
-        return dataclasses.replace(self, **changes)
+        copy = object.__new__(Signals)  # four times as fast as dataclasses.replace, which runs __init__ again
+        copy.__dict__.update(self.__dict__, **changes)
+        return copy
 
 
 @dataclass(frozen=True)

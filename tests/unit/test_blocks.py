@@ -44,12 +44,12 @@ def good_message(count: int = 4) -> Message:
     return Message(layout, values_of(count).ravel())
 
 
-def test_block_gives_columns_as_views() -> None:
+def test_block_gives_contiguous_columns() -> None:
     block = Block(COLUMNS, values_of(5))
     assert len(block) == 5
     np.testing.assert_array_equal(block["voltage_V"], block.values[:, 1])
-    assert np.shares_memory(block["current_A"], block.values)
-    assert np.shares_memory(block.time, block.values)
+    np.testing.assert_array_equal(block.time, block.values[:, 0])
+    assert block["current_A"].flags.c_contiguous
     with pytest.raises(BlockError, match="charge_C"):
         block["charge_C"]
 
@@ -121,6 +121,7 @@ def test_other_number_types_are_no_block() -> None:
         Block(COLUMNS, values_of(2).astype(np.float32))
 
 
+@pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # lark, which the ROS wheels import
 def test_rclpy_message_and_rosbags_decoder_agree() -> None:
     serialization = pytest.importorskip("rclpy.serialization")
     messages = pytest.importorskip("std_msgs.msg")

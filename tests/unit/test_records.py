@@ -23,6 +23,12 @@ def write(path: Path, content: str | bytes) -> Path:
     return path
 
 
+def check_one_line(text: str, *parts: str) -> None:
+    assert text.isprintable(), text
+    for part in parts:
+        assert part in text, text
+
+
 def awkward_record(count: int = 500) -> Record:
     """Numbers that lose bits in any format that is not exact: denormals, extremes, uneven times."""
     rng = np.random.default_rng(7)
@@ -77,7 +83,9 @@ def test_sha256_tells_any_change() -> None:
 def test_attributes_and_span() -> None:
     time = np.array([0.0, 0.5, 0.6, 2.0, 3.0])
     record = Record("run", {"time_s": time, "voltage_V": time * 10, "displacement_m": time * 1e-6})
-    assert record.polarization is None and record.reference is None and record.command_voltage is None
+    assert record.polarization is None
+    assert record.reference is None
+    assert record.command_voltage is None
     np.testing.assert_array_equal(record.between(0.5, 2.0).voltage, [5.0, 6.0, 20.0])
     np.testing.assert_array_equal(record.between(-1.0, 0.55).time, [0.0, 0.5])
     np.testing.assert_array_equal(record.between(0.1, 9.0).time, time[1:])
@@ -108,7 +116,8 @@ def test_known_columns_in_any_order_and_unknown_ones_named(tmp_path: Path) -> No
     np.testing.assert_array_equal(record.current, [0.1, 0.2])
     np.testing.assert_array_equal(record.time, [0.0, 0.5])
     assert len(record.warnings) == 1
-    assert "note, gain ignored" in record.warnings[0] and "run.csv" in record.warnings[0]
+    assert "note, gain ignored" in record.warnings[0]
+    assert "run.csv" in record.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -185,10 +194,7 @@ def test_bad_file_is_one_line(tmp_path: Path, content: str | bytes, found: list[
     path = write(tmp_path / "bad_run.csv", content)
     with pytest.raises(BenchError) as caught:
         read_csv(path)
-    text = str(caught.value)
-    assert text.isprintable(), text
-    for part in ["bad_run.csv", *found]:
-        assert part in text, text
+    check_one_line(str(caught.value), "bad_run.csv", *found)
 
 
 def test_bad_row_deep_in_a_long_file_is_found(tmp_path: Path) -> None:
@@ -196,6 +202,11 @@ def test_bad_row_deep_in_a_long_file_is_found(tmp_path: Path) -> None:
     lines[17_654] = "17.654,abc,1e-6"
     with pytest.raises(BenchError, match=r"row 17656, column voltage_V: 'abc'"):
         read_csv(write(tmp_path / "run.csv", HEAD + "\n".join(lines) + "\n"))
+
+
+def test_empty_row_of_a_single_column_is_found(tmp_path: Path) -> None:
+    with pytest.raises(BenchError, match="row 3: 0 cell"):
+        read_csv(write(tmp_path / "times.csv", "time_s\n0\n\n1\n2\n"), required=("time_s",))
 
 
 def test_missing_file_and_directory(tmp_path: Path) -> None:
@@ -214,7 +225,7 @@ def test_every_cut_of_a_file_is_read_or_named(tmp_path: Path) -> None:
         try:
             record = read_csv(path)
         except BenchError as error:
-            assert "cut.csv" in str(error) and str(error).isprintable()
+            check_one_line(str(error), "cut.csv")
             continue
         sure = len(record) - len(record.warnings)
         for name, values in record.columns.items():

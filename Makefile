@@ -1,0 +1,43 @@
+# Everything a newcomer needs: `make demo`, `make test`. Each sets up what it needs in .venv; nothing is installed system-wide.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# A sourced ROS would put its own rclpy before the wheels of the venv; inside these targets it is left out.
+CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u COLCON_PREFIX_PATH \
+	-u _ROS_WHEELS_BOOTSTRAP_COMPLETE -u RMW_IMPLEMENTATION
+
+.PHONY: help install demo test lint bench clean
+
+help:
+	@echo "make demo   install into .venv, run the demo, write demo/report.html"
+	@echo "make test   install into .venv, run linters and all tests"
+	@echo "make lint   ruff, mypy, import-linter"
+	@echo "make bench  the figures of the README's performance table"
+	@echo "make clean  remove what these made"
+
+install: $(VENV)/.installed
+
+$(VENV)/.installed: pyproject.toml
+	@[ -z "$$ROS_DISTRO" ] || echo "note: ROS '$$ROS_DISTRO' is sourced in this shell; these targets use the wheels in $(VENV) instead"
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 10) <= v < (3, 14) and f"Python 3.10 to 3.13 is needed, this is {v[0]}.{v[1]}; try make PYTHON=python3.12")'
+	@$(PYTHON) -m venv $(VENV) || { echo "python3-venv is missing: apt install python3-venv"; exit 1; }
+	$(CLEAN) $(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+demo: install
+	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
+
+test: install lint
+	$(CLEAN) $(BIN)/pytest
+
+lint: install
+	$(BIN)/ruff check --quiet .
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: install
+	$(CLEAN) $(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) demo runs build *.egg-info

@@ -1,0 +1,96 @@
+"""Uncertainty of fitted parameters when residuals are correlated in time.
+
+Least squares leaves parameter errors H r with H = (J'J)^-1 J', so their covariance is H C H' with C the covariance of
+the residuals. White noise would make C = sigma^2 I; a model that is not quite right leaves slow residuals, and counting
+each sample as a fact of its own would make the errors many times too small. C is taken as stationary within a run, from
+the residuals' own autocovariance under a Bartlett window (Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from pzt_ros.physics.signals import Array
+
+_WINDOW = 5.0  # correlation times over which the autocovariance is believed (Sokal's rule)
+_LARGEST_SHARE = 0.1  # of a run: longer lags have too few pairs
+_INDISTINCT = 1e-6  # singular value, relative, below which a direction is not determined
+
+
+def autocovariance(residual: Array) -> Array:
+    """Autocovariance at all lags, biased estimate [m^2, shape (n,)]; the residual's mean is taken as 0."""
+    n = residual.size
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(residual, size)) ** 2
+    values: Array = np.fft.irfft(spectrum, size)[:n] / n
+    return values
+
+
+def window_length(residual: Array) -> int:
+    """Lag beyond which the autocovariance is taken as 0: five correlation times, at most a tenth of the run."""
+    covariance = autocovariance(residual)
+    if covariance[0] <= 0.0:
+        return 1
+    longest = max(2, int(_LARGEST_SHARE * residual.size))
+    correlation = np.abs(covariance[1:longest]) / covariance[0]
+    correlation[correlation < 2.0 / np.sqrt(residual.size)] = 0.0  # what white noise would show, too
+    times = 1.0 + 2.0 * np.cumsum(correlation)
+    enough = np.flatnonzero(np.arange(1, longest) >= _WINDOW * times)
+    return int(enough[0]) + 1 if enough.size else longest
+
+
+def windowed_autocovariance(residual: Array) -> Array:
+    """Autocovariance under the window [m^2, shape (lags,)]."""
+    length = window_length(residual)
+    taper: Array = 1.0 - np.arange(length) / length
+    return autocovariance(residual)[:length] * taper
+
+
+def correlation_length(residual: Array) -> float:
+    """Samples that count as one: 1 + twice the sum of the autocorrelation's magnitude."""
+    covariance = windowed_autocovariance(residual)
+    if covariance[0] <= 0.0:
+        return 1.0
+    correlation = np.abs(covariance[1:]) / covariance[0]
+    correlation[correlation < 2.0 / np.sqrt(residual.size)] = 0.0
+    return 1.0 + 2.0 * float(np.sum(correlation))
+
+
+def effective_samples(residual: Array) -> float:
+    """Independent samples that hold as much as the residual [-]."""
+    return residual.size / correlation_length(residual)
+
+
+def parameter_covariance(jacobians: Sequence[Array], residuals: Sequence[Array]) -> tuple[Array, Array]:
+    """Covariance of the parameters, and which of them the data do not determine.
+
+    Args:
+        jacobians: of each run, d(residual)/d(parameter), offset already taken out [each shape (n, p)].
+        residuals: of each run [each shape (n,)].
+
+    Returns:
+        Covariance [shape (p, p)], and True where a parameter is not determined [shape (p,)].
+    """
+    whole = np.vstack(jacobians)
+    n, p = whole.shape
+    size = np.linalg.norm(whole, axis=0)
+    size[size == 0.0] = 1.0
+    u, s, vt = np.linalg.svd(whole / size, full_matrices=False)
+    sound = s > _INDISTINCT * s[0]
+    undetermined: Array = np.any(np.abs(vt[~sound]) > 0.1, axis=0)
+    gain = (vt[sound].T / s[sound]) @ u[:, sound].T / size[:, None]
+    covariance = np.zeros((p, p))
+    row = 0
+    for jacobian, residual in zip(jacobians, residuals, strict=True):
+        part = gain[:, row : row + len(jacobian)]
+        row += len(jacobian)
+        kernel = windowed_autocovariance(residual)
+        kernel = np.concatenate([kernel[:0:-1], kernel])
+        spread = fftconvolve(part, kernel[None, :], mode="same", axes=1)
+        covariance += spread @ part.T
+    spent = p + len(residuals)  # the offsets were fitted, too
+    symmetric = 0.5 * (covariance + covariance.T)
+    return symmetric * (n / max(1, n - spent)), undetermined

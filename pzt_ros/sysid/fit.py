@@ -1,0 +1,175 @@
+"""Fitting a chain to measured runs: settings in the constructor, data in `fit`, a result that prints its own report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array
+from pzt_ros.records import Record
+from pzt_ros.sysid.covariance import correlation_length, parameter_covariance
+from pzt_ros.sysid.noise import noise_floor
+from pzt_ros.sysid.parameters import FreeParameter, free_parameters, without_noise
+from pzt_ros.sysid.problem import Problem, distinguishable
+from pzt_ros.sysid.result import Estimate, FitResult, RunFit
+from pzt_ros.sysid.run import Span, Start, check_usable, rms
+from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
+
+_ROUNDS = 3
+_SAMPLES_PER_PARAMETER = 5
+_AT_BOUND = 1e-4  # of the range of a coordinate
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least squares over one run or many, every counted sample of the same weight.
+
+    Attributes:
+        chain: the model; its `free:` names what may move, its values are where the search starts.
+        span: the part of each run that counts; the chain runs from the first sample in any case.
+        most_samples: residuals taken of each run; of a longer one evenly chosen samples.
+        progress: is told the number of the evaluation and the rms [m].
+    """
+
+    chain: Chain
+    span: Span = Span()  # noqa: RUF009 - frozen
+    most_samples: int = 20_000
+    progress: Callable[[int, float], None] = lambda number, error: None
+
+    def fit(self, records: Sequence[Record]) -> FitResult:
+        """The parameters that describe all runs together.
+
+        The history of each run is first left as free as it can be, then made as short as the data allow.
+
+        Raises:
+            BenchError: a run that cannot be fitted, a run given twice, an unknown parameter in `free:`.
+        """
+        chain = without_noise(self.chain)
+        free = free_parameters(self.chain)
+        _check_runs(records, self.span, _SAMPLES_PER_PARAMETER * len(free))
+        parts = [counted_part(record, self.span, self.most_samples) for record in records]
+        starts = [settle(chain, part, any_scale=True) for part in parts]
+        problem = Problem(chain, free, parts, starts, self.progress)
+        kept, held = distinguishable(problem) if "free" not in self.chain.notes else (list(free), [])
+        problem.free = kept
+        vector = _solve(problem)
+        for _ in range(_ROUNDS):
+            fitted = problem.chain_at(vector)
+            starts = [settle(fitted, part) for part in parts]
+            before, after = _histories(problem.starts_at(vector)), _histories(starts)
+            problem = _restarted(problem, fitted, starts)
+            vector = _solve(problem)
+            if before == after:
+                break
+        return _result(self.chain, problem, vector, held)
+
+
+def _check_runs(records: Sequence[Record], span: Span, least: int) -> None:
+    if not records:
+        raise BenchError("no runs to fit; name at least one CSV file or bag")
+    seen: dict[str, str] = {}
+    for record in records:
+        check_usable(record, span, least)
+        if record.sha256 in seen:
+            raise BenchError(f"{record.name}: the same data as {seen[record.sha256]}; give each run once")
+        seen[record.sha256] = record.name
+
+
+def _solve(problem: Problem) -> Array:
+    low, high = problem.bounds
+    inside = np.clip(problem.begin, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+    scale = max(rms(np.concatenate(problem.residuals(inside))), 1e-12)  # so that tolerances mean the same in m and um
+    found = least_squares(
+        lambda vector: np.concatenate(problem.residuals(vector)) / scale,
+        inside,
+        jac=lambda vector: np.vstack(problem.jacobians(vector)) / scale,
+        bounds=(low, high),
+        x_scale="jac",
+        xtol=1e-6,
+        ftol=1e-7,
+        gtol=1e-10,
+        max_nfev=100,
+    )
+    vector: Array = found.x
+    return vector
+
+
+def _histories(starts: Sequence[Start]) -> list[int]:
+    return [len(start.prior_voltages) for start in starts]
+
+
+def _restarted(problem: Problem, chain: Chain, starts: Sequence[Start]) -> Problem:
+    free = [replace(p, value=float(getattr(chain.links[p.place], p.field))) for p in problem.free]
+    again = Problem(chain, free, problem.parts, starts, problem.progress)
+    again.evaluations = problem.evaluations
+    return again
+
+
+def _result(given: Chain, problem: Problem, vector: Array, held: Sequence[FreeParameter]) -> FitResult:
+    residuals = problem.residuals(vector)
+    covariance, undetermined = parameter_covariance(problem.jacobians(vector, central=True), residuals)
+    low, high = problem.bounds
+    at_bound = (vector - low < _AT_BOUND * (high - low)) | (high - vector < _AT_BOUND * (high - low))
+    std = np.sqrt(np.diag(covariance))
+    std[undetermined] = np.inf
+    estimates = []
+    for index, parameter in enumerate(problem.free):
+        value = parameter.to_si(float(vector[index]))
+        estimates.append(
+            Estimate(
+                parameter.name,
+                value,
+                float(std[index]) * abs(parameter.slope(value)),
+                parameter.declared.unit,
+                bool(at_bound[index]),
+            )
+        )
+    count = len(estimates)
+    chain = problem.chain_at(vector)
+    starts = [with_offset(chain, part, s) for part, s in zip(problem.parts, problem.starts_at(vector), strict=True)]
+    runs = [_run_fit(part, start, r) for part, start, r in zip(problem.parts, starts, residuals, strict=True)]
+    return FitResult(
+        chain=_with_fitted_values(given, chain),
+        estimates=tuple(estimates),
+        correlation=_correlation(covariance)[:count, :count],
+        runs=tuple(runs),
+        held=tuple(parameter.name for parameter in held),
+        evaluations=problem.evaluations,
+    )
+
+
+def _correlation(covariance: Array) -> Array:
+    std = np.sqrt(np.diag(covariance))
+    std[std == 0.0] = np.inf
+    correlation: Array = covariance / np.outer(std, std)
+    return correlation
+
+
+def _with_fitted_values(given: Chain, fitted: Chain) -> Chain:
+    """The fitted links, but the sensor as it was given: its noise was only left out for the fit."""
+    links = [old if old.kind == "displacement_sensor" else new for old, new in zip(given.links, fitted.links, strict=True)]
+    return replace(given, links=tuple(links))
+
+
+def _run_fit(part: CountedPart, start: Start, residual: Array) -> RunFit:
+    record = part.record
+    counted = slice(int(part.picks[0]), part.end)
+    floor = noise_floor(record.displacement[counted])
+    step = float(np.mean(np.diff(record.time[part.picks])))
+    return RunFit(
+        name=record.name,
+        sha256=record.sha256,
+        start=start,
+        counted_from=float(record.time[part.picks[0]]),
+        counted_until=float(record.time[part.end - 1]),
+        samples=int(part.picks.size),
+        rms=rms(residual),
+        span=float(np.ptp(record.displacement[counted])),
+        noise=floor,
+        correlation_time=correlation_length(residual) * step,
+    )

@@ -1,0 +1,59 @@
+"""The noise floor of a measurement, estimated from the run itself (diagnosis-methods.md 6)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pzt_ros.physics.signals import Array
+
+_NORMAL = 1.4826  # standard deviation over median absolute value, for normal noise
+_THIRD_DIFFERENCE = math.sqrt(20.0)  # 1 + 9 + 9 + 1: what a third difference makes of white noise
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Noise of a measurement [m, rms].
+
+    Attributes:
+        rms: estimator A on single samples; at least what the resolution of the reading makes.
+        of_means: estimator A on means of 4 samples, scaled back by 2; white noise gives the same as `rms`.
+    """
+
+    rms: float
+    of_means: float
+
+    @property
+    def is_white(self) -> bool:
+        """False where slower noise, or motion too fast for the sampling, makes `rms` a doubtful figure."""
+        return self.of_means <= 1.3 * self.rms
+
+    @property
+    def caveat(self) -> str:
+        """What a reader has to know about the figure; empty when nothing."""
+        if self.is_white:
+            return ""
+        return f"noise not white, or motion fast for the sampling: means of 4 give {self.of_means * 1e9:.3g} nm"
+
+
+def noise_floor(displacement: Array) -> NoiseFloor:
+    """Noise floor of evenly sampled displacement [m]: median absolute third difference over sqrt 20.
+
+    Right to 15 % for white noise on a signal that is smooth between samples; far too small where the sensor filters.
+    """
+    steps = np.abs(np.diff(displacement))
+    moving = steps[steps > 0.0]
+    resolution = float(moving.min()) if moving.size else 0.0
+    repeats = displacement.size > 1 and np.count_nonzero(steps == 0.0) > 0.05 * steps.size
+    least = resolution / math.sqrt(12.0) if repeats else 0.0
+    means = displacement[: displacement.size // 4 * 4].reshape(-1, 4).mean(axis=1)
+    single = _third_difference(displacement)
+    return NoiseFloor(max(single, least), 2.0 * _third_difference(means))
+
+
+def _third_difference(values: Array) -> float:
+    if values.size < 8:
+        return 0.0
+    return float(_NORMAL * np.median(np.abs(np.diff(values, n=3))) / _THIRD_DIFFERENCE)

@@ -1,0 +1,146 @@
+"""One measured run as a fit sees it: the part that counts, and the chain run over it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.records import Record
+
+CHUNK = 250_000
+"""Samples that run through a chain at once; bounds the memory that long records take."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A part of a record by time [s]; None means from its start, or to its end."""
+
+    start: float | None = None
+    end: float | None = None
+
+    def of(self, record: Record) -> tuple[int, int]:
+        """Indices of its first sample and of the one after its last.
+
+        Raises:
+            BenchError: fewer than two samples lie in it.
+        """
+        start = record.time[0] if self.start is None else self.start
+        end = record.time[-1] if self.end is None else self.end
+        part = record.between(start, end)
+        first = int(np.searchsorted(record.time, part.time[0]))
+        return first, first + len(part)
+
+
+@dataclass(frozen=True)
+class Start:
+    """What happened before the first sample, and where the zero of the displacement is.
+
+    From the chain's own initial state at 0 V the drive goes through `prior_voltages`, each in `leg` seconds, and on to
+    the first sample in as long a leg. Without any, it comes to the first sample's voltage directly.
+
+    Attributes:
+        prior_voltages: reversal points of the voltage before the first sample [V].
+        leg: duration of each ramp [s].
+        offset: reading at zero displacement of the chain [m].
+    """
+
+    prior_voltages: tuple[float, ...] = ()
+    leg: float = 1.0
+    offset: float = 0.0
+
+    def __str__(self) -> str:
+        if not self.prior_voltages:
+            return "the chain's own initial state"
+        return "prior reversals at " + ", ".join(f"{v:.4g}" for v in self.prior_voltages) + " V"
+
+
+def typical_leg(record: Record) -> float:
+    """How long the run takes on average to cross its range of voltage [s]; prior legs are as long."""
+    travel = float(np.sum(np.abs(np.diff(record.voltage))))
+    span = float(np.ptp(record.voltage))
+    duration = float(record.time[-1] - record.time[0])
+    return duration * span / travel if travel > 0.0 else duration
+
+
+def prepared_drive(record: Record, start: Start) -> tuple[Rest, Array, Array]:
+    """Rest, and the times [s] and voltages [V] before the first sample.
+
+    A run that starts at 0 V without a prior history rests there: its first step has no length.
+    """
+    first_time, first_voltage = float(record.time[0]), float(record.voltage[0])
+    if not start.prior_voltages and first_voltage == 0.0:
+        return Rest(time=first_time), np.empty(0), np.empty(0)
+    legs = len(start.prior_voltages)
+    times = first_time - start.leg * np.arange(legs, 0, -1.0)
+    return Rest(time=first_time - start.leg * (legs + 1)), times, np.array(start.prior_voltages)
+
+
+def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp] | slice, end: int) -> Signals:
+    """What the chain says over the recorded voltage, never looking at the measurement.
+
+    The chain runs over every sample up to index `end`, `picks` says at which ones its signals are kept.
+
+    Raises:
+        BenchError: the chain gives no displacement, or none that is finite.
+    """
+    rest, times, voltages = prepared_drive(record, start)
+    state = chain.init(rest)
+    if times.size:
+        state, _ = chain.step(state, Signals(time=times, voltage=voltages))
+    kept: list[Signals] = []
+    wanted = np.zeros(len(record), dtype=bool)
+    wanted[picks] = True
+    for low in range(0, end, CHUNK):
+        part = slice(low, min(low + CHUNK, end))
+        state, out = chain.step(state, Signals(time=record.time[part], voltage=record.voltage[part]))
+        kept.append(_pick(out, wanted[part]))
+    return _joined(kept, chain, start.offset)
+
+
+def _pick(out: Signals, wanted: NDArray[np.bool_]) -> Signals:
+    names = ("time", "voltage", "polarization", "phase_fraction", "displacement")
+    values = {name: getattr(out, name) for name in names}
+    return Signals(**{name: value[wanted] for name, value in values.items() if value.size})
+
+
+def _joined(parts: list[Signals], chain: Chain, offset: float) -> Signals:
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+    displacement = joined["displacement"]
+    if displacement.size != joined["time"].size:
+        raise BenchError(f"{chain.name}: the chain gives no displacement; add a link such as electrostriction")
+    bad = np.flatnonzero(~np.isfinite(displacement))
+    if bad.size:
+        raise BenchError(
+            f"{chain.name}: the chain's displacement is {displacement[bad[0]]} at {joined['time'][bad[0]]:.6g} s;"
+            " its parameters are out of reason for this drive"
+        )
+    return Signals(**{**joined, "displacement": displacement + offset})
+
+
+def check_usable(record: Record, span: Span, least: int) -> None:
+    """Raise BenchError unless the counted part moves, is driven and has at least `least` samples."""
+    first, after = span.of(record)
+    if after - first < least:
+        raise BenchError(
+            f"{record.name}: {after - first} samples to fit, at least {least} are needed for this many parameters;"
+            " give a longer run or free fewer parameters"
+        )
+    voltage, displacement = record.voltage[first:after], record.displacement[first:after]
+    if np.ptp(voltage) == 0.0:
+        raise BenchError(f"{record.name}: the voltage stays at {voltage[0]:.6g} V; a fit needs a run that is driven")
+    if np.ptp(displacement) == 0.0:
+        raise BenchError(
+            f"{record.name}: displacement_m stays at {displacement[0]:.6g} m while the voltage moves; nothing to fit,"
+            " check the sensor"
+        )
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return math.sqrt(float(np.mean(np.square(values)))) if values.size else 0.0

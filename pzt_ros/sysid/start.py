@@ -1,0 +1,138 @@
+"""Unknown history and unknown zero of a run: tried on a grid, refined, and kept as short as the data allow.
+
+What happened before the first sample acts through the reversal points it left behind (diagnosis-methods.md 4). So a
+history is a few prior reversal voltages, run through before the record; the offset of the displacement is linear and
+solved exactly. More reversals fit anything better, so each has to pay for itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array
+from pzt_ros.records import Record
+from pzt_ros.sysid.covariance import effective_samples
+from pzt_ros.sysid.run import Span, Start, free_run, typical_leg
+
+LONGEST = 2
+"""Prior reversals tried at most; methods tried with four gain a little and cost much."""
+
+_LEVELS = 5
+_PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
+
+
+@dataclass(frozen=True)
+class CountedPart:
+    """The samples of a run that count.
+
+    Attributes:
+        record: the whole run; the chain runs from its first sample.
+        picks: indices of the counted samples.
+        end: index after the last sample that the chain has to reach.
+    """
+
+    record: Record
+    picks: NDArray[np.intp]
+    end: int
+
+    @property
+    def displacement(self) -> Array:
+        """Measured at the counted samples [m]."""
+        return self.record.displacement[self.picks]
+
+
+def counted_part(record: Record, span: Span, most: int) -> CountedPart:
+    """At most `most` evenly chosen samples of a span; the chain still runs over all of them."""
+    first, after = span.of(record)
+    stride = math.ceil((after - first) / most)
+    return CountedPart(record, np.arange(first, after, stride), after)
+
+
+def voltage_bounds(record: Record) -> tuple[float, float]:
+    """Where prior reversals are looked for [V]: half the run's range beyond it on each side."""
+    low, high = float(record.voltage.min()), float(record.voltage.max())
+    return low - 0.5 * (high - low), high + 0.5 * (high - low)
+
+
+def settle(chain: Chain, part: CountedPart, base: Start | None = None, any_scale: bool = False) -> Start:
+    """The shortest history that the counted samples ask for, and the offset with it.
+
+    Args:
+        chain: with its parameters fixed.
+        part: what may be looked at.
+        base: history to start from; one without prior reversals where None.
+        any_scale: judge the shape alone, and take as many reversals as fit best; for a chain that is not fitted yet.
+    """
+    misfit = _misfit_of(chain, part, any_scale)
+    leg = typical_leg(part.record)
+    best = replace(base, offset=0.0) if base else Start(leg=leg)
+    best_residual = misfit(best)
+    for count in range(1, LONGEST + 1):
+        start = _best_of_grid(misfit, part.record, count, leg)
+        if not any_scale:
+            start = _refined(misfit, start, part.record)
+        residual = misfit(start)
+        if any_scale:
+            if np.sum(residual**2) < np.sum(best_residual**2):
+                best, best_residual = start, residual
+        elif _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
+            best, best_residual = start, residual
+    return with_offset(chain, part, best)
+
+
+def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
+    """The same history with the offset that fits the counted samples best."""
+    model = free_run(chain, part.record, replace(start, offset=0.0), part.picks, part.end)
+    return replace(start, offset=float(np.mean(part.displacement - model.displacement)))
+
+
+def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool) -> Callable[[Start], Array]:
+    measured = part.displacement - part.displacement.mean()
+
+    def misfit(start: Start) -> Array:
+        model = free_run(chain, part.record, start, part.picks, part.end).displacement
+        model = model - model.mean()
+        scale = 1.0
+        if any_scale and np.any(model):
+            scale = max(float(model @ measured / (model @ model)), 0.0)
+        return measured - scale * model
+
+    return misfit
+
+
+def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, leg: float) -> Start:
+    levels = np.linspace(*voltage_bounds(record), _LEVELS)
+    starts = [
+        Start(tuple(float(v) for v in voltages), leg)
+        for voltages in itertools.product(levels, repeat=count)
+        if all(a != b for a, b in itertools.pairwise(voltages))
+    ]
+    return min(starts, key=lambda start: float(np.sum(misfit(start) ** 2)))
+
+
+def _refined(misfit: Callable[[Start], Array], start: Start, record: Record) -> Start:
+    low, high = voltage_bounds(record)
+    unit = high - low
+
+    def residual(shares: Array) -> Array:
+        return misfit(replace(start, prior_voltages=tuple(float(low + unit * share) for share in shares)))
+
+    begin = np.clip((np.array(start.prior_voltages) - low) / unit, 0.02, 0.98)
+    found = least_squares(residual, begin, bounds=(0.0, 1.0), diff_step=1e-3, xtol=1e-4, max_nfev=15)
+    refined = replace(start, prior_voltages=tuple(float(low + unit * share) for share in found.x))
+    return min(start, refined, key=lambda candidate: float(np.sum(misfit(candidate) ** 2)))
+
+
+def _pays(before: Array, after: Array, reversals: int) -> bool:
+    ssr_before, ssr_after = float(np.sum(before**2)), float(np.sum(after**2))
+    if ssr_after <= 0.0 or ssr_before <= 0.0:
+        return ssr_after < ssr_before
+    return effective_samples(after) * math.log(ssr_before / ssr_after) > _PRICE * reversals
