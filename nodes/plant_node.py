@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 
 from pzt_nodes.graph_node import GraphNode
+from pzt_nodes.latency import LatencyLog
 from pzt_nodes.parameters import declare_all, declare_text
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
@@ -38,11 +39,15 @@ class PlantNode(GraphNode):
         self._began: float | None = None
         self._late = 0
         self._worst = 0.0
+        self._said: float | None = None
+        self._responses = LatencyLog()
         self.listen("applied", self._on_applied)
         self.create_timer(0.05, self._watch)
 
     def _on_applied(self, block: Block) -> None:
         self._heard = time.monotonic()
+        if self._said is not None:
+            self._responses.add(self._heard - self._said)
         self._voltage = float(block["voltage_V"][-1])
         self._next_block = round(float(block.time[0]) * self.sample_rate / self.block_size) + 1
         truth = self.stage.step(block.time, block["voltage_V"])
@@ -53,6 +58,7 @@ class PlantNode(GraphNode):
     def _say(self, truth: Truth) -> None:
         self.ticks += 1
         self.publish("truth", truth.time, truth.displacement, truth.polarization, truth.phase_fraction)
+        self._said = time.monotonic()
 
     def _wait_for(self, due: float) -> None:
         """Wait until the run's own time `due` [s] has come on the wall clock; count the blocks that come too late."""
@@ -79,12 +85,13 @@ class PlantNode(GraphNode):
         self._report()
 
     def health(self) -> tuple[str, str, dict[str, object]]:
-        """The pace that was kept, and the voltage left on the stack."""
+        """The pace that was kept, the voltage left on the stack, and how soon the graph answers a block of truth."""
         level, text, values = super().health()
         values["stack_voltage_V"] = round(self._voltage, 6)
         if self.real_time:
             values["late_blocks"] = self._late
             values["worst_lateness_s"] = round(self._worst, 6)
+        values.update(self._responses.summary("response"))
         return level, text, values
 
 

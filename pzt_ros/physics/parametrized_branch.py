@@ -16,8 +16,8 @@ from numba import njit
 from pzt_ros.physics.kinetics import erfcx_positive
 from pzt_ros.physics.signals import Array
 
-compiled = njit(cache=True, error_model="numpy", fastmath={"contract"})
-"""Division by zero gives inf or NaN, which the steps test for; a*b + c may be one instruction."""
+compiled = njit(cache=True, error_model="numpy")
+"""Division by zero gives inf or NaN, which the steps test for. No fast math: step and inverse agree to the bit."""
 
 
 class Material(NamedTuple):

@@ -148,11 +148,10 @@ def radau(state: Array, m: Material, h: float, rate: float) -> tuple[bool, float
         d3 = (s3 - m32 * p2 * s2) / (m33 - m32 * p2 * m23 + _TINY)
         d2 = (s2 - m23 * d3) * p2
         d1 = (r1 - _A12 * k2 * d2 - _A13 * k3 * d3) * p1
-        w1, w2, w3 = (
-            min(max(w1 - d1, low), high),
-            min(max(w2 - d2, low), high),
-            min(max(w3 - d3, low), high),
-        )
+        d1 = w1 - min(max(w1 - d1, low), high)
+        d2 = w2 - min(max(w2 - d2, low), high)
+        d3 = w3 - min(max(w3 - d3, low), high)
+        w1, w2, w3 = w1 - d1, w2 - d2, w3 - d3
         # what the next iteration would find left over: residual times relative change of the slope
         largest = max(abs(r1), abs(r2), abs(r3))
         relative = curvature * max(abs(d1), abs(d2), abs(d3))

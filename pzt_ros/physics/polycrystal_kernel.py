@@ -33,7 +33,8 @@ MIDPOINT, COLLOCATION = 0, 1
 TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
 """State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], every x."""
 
-_MAX_SUBSTEPS = 100_000
+_MAX_SUBSTEPS = 1e5
+_LONGEST_STEP = 0.5  # in units of d: beyond, the order of a method says nothing
 _NEVER = 1e-290  # keeps p/(p + q) defined for a frozen domain
 _MAX_TRIALS = 80
 
@@ -51,7 +52,7 @@ class Elements(NamedTuple):
         bias: polarization that the interaction fields alone would make [C/m^2].
         layer_thickness: [m].
         method: MIDPOINT or COLLOCATION.
-        field_step: the longest substep in units of d [-].
+        field_step: the substep for slow ramps in units of d [-], see `field_step`.
     """
 
     forward: Array
@@ -69,10 +70,21 @@ class Elements(NamedTuple):
 
 
 def field_step(method: int, accuracy: float) -> float:
-    """The substep [-, in units of d] that keeps the error of x+ below about `accuracy`: see the tests of its order."""
+    """The substep of a slow ramp [-, in units of d] that keeps the error of x+ below about `accuracy` (tests: at any rate)."""
     if method == MIDPOINT:
         return 0.01 * math.sqrt(accuracy / 1e-6)
     return 0.035 * math.sqrt(math.sqrt(accuracy / 1e-6))
+
+
+@njit(cache=True, error_model="numpy")
+def _substeps(el, climb, duration):  # type: ignore[no-untyped-def]
+    """How many substeps a ramp over `climb` [in units of d] needs."""
+    step = el.field_step
+    if el.method == COLLOCATION:
+        # fast ramps leave low barriers no time to follow their equilibrium, and the error falls as 1/rate
+        step *= math.sqrt(math.sqrt(1.0 + 1e3 * abs(climb) / (duration * el.attempt_rate)))
+    needed = math.ceil(abs(climb) / min(step, _LONGEST_STEP))
+    return int(min(max(needed, 1.0), _MAX_SUBSTEPS))
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
@@ -91,8 +103,10 @@ def _fill_decay(decay, h, first, middle, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _midpoint(x, rows, columns, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
-    """One step of every domain towards the equilibrium at mid-step, in place."""
+def _midpoint(x, el, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
+    """One step of every domain towards the equilibrium at mid-step, in place; returns the weighted sum of x."""
+    rows, columns = el.row_weight.size, el.column_weight.size
+    total = 0.0
     for i in range(rows):
         r = x[i * columns : (i + 1) * columns]
         m = rows - 1 - i
@@ -100,15 +114,21 @@ def _midpoint(x, rows, columns, up, up_decay, down, down_decay):  # type: ignore
         p_decay = up_decay[m : m + columns]
         q = down[i : i + columns]
         q_decay = down_decay[i : i + columns]
+        row = 0.0
         for j in range(columns):
             xe = p[j] / (p[j] + q[j] + _NEVER)
             moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
-            r[j] = min(max(moved, 0.0), 1.0)
+            moved = min(max(moved, 0.0), 1.0)
+            r[j] = moved
+            row += moved * el.column_weight[j]
+        total += row * el.row_weight[i]
+    return total
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _collocation(x, rows, columns, h, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
+def _collocation(x, el, h, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
     """One step of every domain with the rates up[0..2], down[0..2] at start, middle and end, in place."""
+    rows, columns = el.row_weight.size, el.column_weight.size
     for i in range(rows):
         r = x[i * columns : (i + 1) * columns]
         m = rows - 1 - i
@@ -161,19 +181,18 @@ def _polarization(switched, weights, field, el):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
-    """Take all x, in place, through a linear ramp of the field from start to end [V/m] in duration [s].
+    """Take all x, in place, through a linear ramp of the field from start to end [V/m] in duration [s]; give their weighted sum.
 
     `work` holds the tables: shape (8, rows + columns - 1).
     """
     if duration == 0.0:
-        return
-    rows, columns = el.row_weight.size, el.column_weight.size
+        return weighted_sum(x, el)
     up, down, up_decay, down_decay = work[0:3], work[3:6], work[6], work[7]
     u0 = start / el.width
     climb = (end - start) / el.width
-    needed = math.ceil(abs(climb) / el.field_step)
-    count = int(min(max(needed, 1.0), float(_MAX_SUBSTEPS)))
+    count = _substeps(el, climb, duration)
     h = duration / count
+    switched = 0.0
     collocation = el.method == COLLOCATION and climb != 0.0
     for k in range(count):
         if k > 0:
@@ -186,11 +205,12 @@ def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
         if collocation:
             _fill_decay(up_decay, h, up[0], up[1], up[2])
             _fill_decay(down_decay, h, down[0], down[1], down[2])
-            _collocation(x, rows, columns, h, up, up_decay, down, down_decay)
+            _collocation(x, el, h, up, up_decay, down, down_decay)
         else:
             _fill_decay(up_decay, h, up[1], up[1], up[1])
             _fill_decay(down_decay, h, down[1], down[1], down[1])
-            _midpoint(x, rows, columns, up[1], up_decay, down[1], down_decay)
+            switched = _midpoint(x, el, up[1], up_decay, down[1], down_decay)
+    return weighted_sum(x, el) if collocation else switched
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,9 +232,8 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
         if not (duration >= 0.0 and math.isfinite(time[k]) and math.isfinite(voltage[k])):
             return k
         field = voltage[k] / el.layer_thickness
-        advance(x, el, work, state[VOLTAGE] / el.layer_thickness, field, duration)
+        switched = advance(x, el, work, state[VOLTAGE] / el.layer_thickness, field, duration)
         state[TIME], state[VOLTAGE] = time[k], voltage[k]
-        switched = weighted_sum(x, el)
         phase_fraction[k] = switched / weights
         polarization[k] = _polarization(switched, weights, field, el)
     return -1
@@ -248,8 +267,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         for trial in range(_MAX_TRIALS):
             trial_x[:] = x
             field = v / el.layer_thickness
-            advance(trial_x, el, work, start, field, duration)
-            switched = weighted_sum(trial_x, el)
+            switched = advance(trial_x, el, work, start, field, duration)
             miss = _polarization(switched, weights, field, el) - target[k]
             if not known or abs(miss) <= tolerance:
                 break

@@ -115,6 +115,11 @@ class PhaseTracking:
     whole: Mapping[str, TrackingError]
     done: float
 
+    @property
+    def judged(self) -> TrackingError:
+        """The error to compare by: settled where there is such a part, against the first displacement of `track`."""
+        return next(iter({**self.whole, **self.settled}.values()))
+
 
 def track(stretch: Stretch, time: Array, reference: Array, displacements: Mapping[str, Array]) -> PhaseTracking | None:
     """The statistics of one phase; None where nothing of it was recorded.

@@ -9,11 +9,14 @@ the residuals' own autocovariance under a Bartlett window (Newey and West 1987).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from scipy.signal import fftconvolve
+from scipy import linalg
 
 from pzt_ros.physics.signals import Array
+
+_matmul_toeplitz: Any = linalg.matmul_toeplitz  # SciPy carries no types
 
 _WINDOW = 5.0  # correlation times over which the autocovariance is believed (Sokal's rule)
 _LARGEST_SHARE = 0.1  # of a run: longer lags have too few pairs
@@ -87,10 +90,10 @@ def parameter_covariance(jacobians: Sequence[Array], residuals: Sequence[Array])
     for jacobian, residual in zip(jacobians, residuals, strict=True):
         part = gain[:, row : row + len(jacobian)]
         row += len(jacobian)
-        kernel = windowed_autocovariance(residual)
-        kernel = np.concatenate([kernel[:0:-1], kernel])
-        spread = fftconvolve(part, kernel[None, :], mode="same", axes=1)
-        covariance += spread @ part.T
+        first_row = np.zeros(residual.size)
+        known = windowed_autocovariance(residual)
+        first_row[: known.size] = known
+        covariance += part @ _matmul_toeplitz(first_row, part.T)
     spent = p + len(residuals)  # the offsets were fitted, too
     symmetric = 0.5 * (covariance + covariance.T)
     return symmetric * (n / max(1, n - spent)), undetermined

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy import optimize
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
@@ -19,6 +20,8 @@ from pzt_ros.sysid.problem import Problem, distinguishable
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, check_usable, rms
 from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
+
+_least_squares: Any = optimize.least_squares  # SciPy carries no types
 
 _ROUNDS = 3
 _SAMPLES_PER_PARAMETER = 5
@@ -84,7 +87,7 @@ def _solve(problem: Problem) -> Array:
     low, high = problem.bounds
     inside = np.clip(problem.begin, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
     scale = max(rms(np.concatenate(problem.residuals(inside))), 1e-12)  # so that tolerances mean the same in m and um
-    found = least_squares(
+    found = _least_squares(
         lambda vector: np.concatenate(problem.residuals(vector)) / scale,
         inside,
         jac=lambda vector: np.vstack(problem.jacobians(vector)) / scale,
@@ -152,7 +155,8 @@ def _correlation(covariance: Array) -> Array:
 
 def _with_fitted_values(given: Chain, fitted: Chain) -> Chain:
     """The fitted links, but the sensor as it was given: its noise was only left out for the fit."""
-    links = [old if old.kind == "displacement_sensor" else new for old, new in zip(given.links, fitted.links, strict=True)]
+    pairs = zip(given.links, fitted.links, strict=True)
+    links = [old if old.kind == "displacement_sensor" else new for old, new in pairs]
     return replace(given, links=tuple(links))
 
 

@@ -1,4 +1,4 @@
-"""What a fit found: parameters with their uncertainty, misfit against the noise, and the chain that goes on from there."""
+"""What a fit found: parameters with their uncertainty, misfit against the noise, and the chain to go on with."""
 
 from __future__ import annotations
 
@@ -154,7 +154,8 @@ class FitResult:
     def _remarks(self) -> list[str]:
         lines = [f"{run.name}: started from {run.start}, offset {run.start.offset * 1e6:.4f} um" for run in self.runs]
         lines += [f"{run.name}: {run.noise.caveat}" for run in self.runs if run.noise.caveat]
-        lines += [f"{a} and {b} go together (r = {r:.3f}): only a combination is known" for a, b, r in self.strongly_correlated]
+        for a, b, r in self.strongly_correlated:
+            lines.append(f"{a} and {b} go together (r = {r:.3f}): only a combination is known")
         if self.held:
             lines.append(f"held, as other parameters act alike on these runs: {', '.join(self.held)}")
         if any(run.times_noise > 1.2 for run in self.runs):

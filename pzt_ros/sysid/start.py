@@ -11,10 +11,11 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy import optimize
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
@@ -24,6 +25,8 @@ from pzt_ros.sysid.run import Span, Start, free_run, typical_leg
 
 LONGEST = 2
 """Prior reversals tried at most; methods tried with four gain a little and cost much."""
+
+_least_squares: Any = optimize.least_squares  # SciPy carries no types
 
 _LEVELS = 5
 _PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
@@ -126,7 +129,7 @@ def _refined(misfit: Callable[[Start], Array], start: Start, record: Record) -> 
         return misfit(replace(start, prior_voltages=tuple(float(low + unit * share) for share in shares)))
 
     begin = np.clip((np.array(start.prior_voltages) - low) / unit, 0.02, 0.98)
-    found = least_squares(residual, begin, bounds=(0.0, 1.0), diff_step=1e-3, xtol=1e-4, max_nfev=15)
+    found = _least_squares(residual, begin, bounds=(0.0, 1.0), diff_step=1e-3, xtol=1e-4, max_nfev=15)
     refined = replace(start, prior_voltages=tuple(float(low + unit * share) for share in found.x))
     return min(start, refined, key=lambda candidate: float(np.sum(misfit(candidate) ** 2)))
 

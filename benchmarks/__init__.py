@@ -1,0 +1,1 @@
+"""Everything the README claims about speed, measured: `python -m benchmarks [NAME ...]`."""

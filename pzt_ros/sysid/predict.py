@@ -1,0 +1,146 @@
+"""Free-run prediction of a measured run: over the recorded voltage, never looking at the part that is predicted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.records import Record
+from pzt_ros.sysid.noise import noise_floor
+from pzt_ros.sysid.parameters import without_noise
+from pzt_ros.sysid.result import SETTLE_TIME
+from pzt_ros.sysid.run import Span, Start, free_run, rms, typical_leg
+from pzt_ros.sysid.start import counted_part, settle
+
+_FEWEST_TO_SETTLE = 8
+_MOST_TO_SETTLE = 20_000
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A predicted part of a run, and how far it is from the measurement.
+
+    Attributes:
+        signals: time, voltage, polarization, phase fraction and displacement of the part.
+        start: history and offset that were used.
+        rule: in words, where those came from.
+        error: measurement minus prediction [m]; empty where the run has no measurement.
+        span: peak to peak of the measurement in the part [m].
+        noise: its noise floor [m].
+    """
+
+    signals: Signals
+    start: Start
+    rule: str
+    error: Array
+    span: float
+    noise: float
+
+    @property
+    def rms(self) -> float:
+        """Of the error [m]."""
+        return rms(self.error)
+
+    def as_data(self) -> dict[str, Any]:
+        """For programs: SI with the unit in the name; the error figures are null without a measurement."""
+        known = self.error.size > 0
+        return {
+            "from_s": float(self.signals.time[0]),
+            "until_s": float(self.signals.time[-1]),
+            "samples": int(self.signals.time.size),
+            "rms_m": self.rms if known else None,
+            "max_m": float(np.max(np.abs(self.error))) if known else None,
+            "nrmse": self.rms / self.span if known and self.span > 0.0 else None,
+            "span_m": self.span if known else None,
+            "noise_rms_m": self.noise if known else None,
+            "offset_m": self.start.offset,
+            "prior_voltage_V": list(self.start.prior_voltages),
+            "rule": self.rule,
+        }
+
+    def __str__(self) -> str:
+        lines = [f"start: {self.rule}; {self.start}, offset {self.start.offset * 1e6:.4f} um"]
+        found = self.as_data()
+        if found["rms_m"] is None:
+            return "\n".join([*lines, "no displacement_m in the run, so no error to state"])
+        share = f", {100 * found['nrmse']:.3g} % of span" if found["nrmse"] is not None else ""
+        times = f", {self.rms / self.noise:.3g} x noise floor of {self.noise * 1e9:.3g} nm" if self.noise > 0 else ""
+        span = f"{found['from_s']:.6g} to {found['until_s']:.6g} s, {found['samples']} samples"
+        lines.append(f"error: {self.rms * 1e9:.4g} nm rms{share}{times}; max {found['max_m'] * 1e9:.4g} nm ({span})")
+        return "\n".join(lines)
+
+
+def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  # noqa: B008 - frozen
+    """Run the chain over the whole recorded voltage and keep one part.
+
+    Raises:
+        BenchError: the part is empty, or the chain's `start:` is malformed.
+    """
+    model = without_noise(chain)
+    first, after = span.of(record)
+    start, rule = _start_of(chain, model, record, span)
+    signals = free_run(model, record, start, slice(first, after), after)
+    if "displacement_m" not in record.columns:
+        return Prediction(signals, start, rule, np.empty(0), 0.0, 0.0)
+    measured = record.displacement[first:after]
+    error = measured - signals.displacement
+    return Prediction(signals, start, rule, error, float(np.ptp(measured)), noise_floor(measured).rms)
+
+
+def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[Start, str]:
+    """History and offset for a run, and in words by which rule."""
+    known = fitted_starts(chain)
+    if record.sha256 in known:
+        return known[record.sha256], "as fitted to this run"
+    base, settle_time = _rule_for_others(chain, record)
+    if "displacement_m" not in record.columns:
+        return base, "no measurement to take them from: the model's history, offset 0"
+    if span.start is not None and span.start > record.time[0]:
+        part = Span(None, math.nextafter(span.start, -math.inf))
+        rule = f"from the part before {span.start:.6g} s"
+    else:
+        least = record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1]
+        end = max(float(record.time[0]) + settle_time, float(least))
+        part = Span(None, end)
+        rule = f"from the first {end - record.time[0]:.3g} s of the run"
+    return settle(model, counted_part(record, part, _MOST_TO_SETTLE), base), rule
+
+
+def fitted_starts(chain: Chain) -> dict[str, Start]:
+    """The starts of the runs that a model was fitted to, by fingerprint of the run.
+
+    Raises:
+        BenchError: the chain's `start:` is not as a fit writes it.
+    """
+    notes = chain.notes.get("start", {})
+    try:
+        return {
+            str(run["sha256"]): Start(
+                tuple(float(v) for v in run["prior_voltage_V"]), float(run["leg_s"]), float(run["offset_m"])
+            )
+            for run in notes.get("runs", [])
+        }
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise _malformed(chain, error) from None
+
+
+def _rule_for_others(chain: Chain, record: Record) -> tuple[Start, float]:
+    """History to start from for a run that was not fitted, and how long a start may be looked at [s]."""
+    notes = chain.notes.get("start", {})
+    try:
+        rule = notes.get("other", {})
+        prior = tuple(float(v) for v in rule.get("prior_voltage_V", ()))
+        settle_time = float(rule.get("settle_s", SETTLE_TIME))
+    except (AttributeError, TypeError, ValueError) as error:
+        raise _malformed(chain, error) from None
+    return replace(Start(), prior_voltages=prior, leg=typical_leg(record)), settle_time
+
+
+def _malformed(chain: Chain, error: Exception) -> BenchError:
+    return BenchError(f"{chain.name}: 'start:' is not as pzt fit writes it ({error!r}); fit anew or remove it")
