@@ -1,11 +1,11 @@
 """Finds what the demo's controllers are given: the straight line of open_loop, the gains of pi and inverse_pi.
 
-Everything runs in the in-process loop on the demo's own stage, sensor noise and scan, so the baselines are as good as they get.
-The error is reference minus true displacement, as root mean square over the scan without its first cycle.
+Everything runs in the in-process loop on the demo's own stage, sensor noise and scan, so that the baselines are as good
+as they get. The error is reference minus true displacement, as root mean square over the scan without its first cycle.
 
-- open_loop: straight line by least squares, displacement over voltage, through the stage's own loop over the range of the
-  scan, ten times slower than the scan. The stage's own chain as model makes it follow that range.
-- pi: Kp and Ki on a grid, then three times on a finer grid around the best point; Kp = 0 is always among the candidates.
+- open_loop: straight line by least squares, displacement over voltage, through the stage's own loop over the range of
+  the scan, ten times slower than the scan. The stage's own chain as model makes it follow that range.
+- pi: Kp and Ki on a grid, then three times on a finer grid around the best point; Kp = 0 is always a candidate.
 - inverse_pi: Ki on one coarse grid with Kp = 0, no refinement.
 
     python benchmarks/tune_pi.py            # about four minutes; writes benchmarks/results/pi_tuning.csv
@@ -30,11 +30,21 @@ from pzt_ros.controllers.pi import PI
 from pzt_ros.experiments.phases import Move, Phase, Scan
 from pzt_ros.hardware.guard import ENABLED
 from pzt_ros.loop import InProcessLoop, Tick
+from pzt_ros.quantities import parameters_of
 from pzt_ros.report.tracking import TrackingError, stretches, track
 from pzt_ros.scenario import Scenario, load_scenario
 
 RESULT = Path(__file__).parent / "results" / "pi_tuning.csv"
-COLUMNS = ("controller", "search", "proportional_gain", "integral_gain", "rms_error_nm", "max_error_nm", "remark")
+COLUMNS = (
+    "controller",
+    "search",
+    "proportional_gain",
+    "integral_gain",
+    "units",
+    "rms_error_nm",
+    "max_error_nm",
+    "remark",
+)
 
 PI_KP = (0.0, 1e6, 2e6, 4e6, 8e6, 1.2e7, 1.6e7)
 """V/m; the stage gives about 1e-7 m/V, so 1e7 V/m is a loop gain near 1."""
@@ -42,7 +52,7 @@ PI_KI = (5e8, 1e9, 1.5e9, 2e9, 3e9, 4e9, 5e9, 7e9)
 """V/m/s."""
 REFINEMENTS = (("refined by 1.2", 1.2), ("refined by 1.2 again", 1.2), ("refined by 1.07", 1.07))
 INVERSE_PI_KI = (0.0, 5.0, 10.0, 20.0, 30.0, 50.0, 70.0, 100.0)
-"""1/s; with one block (5 ms) of delay an integral alone is unstable from 314/s on: the grid ends at a gain margin of 3."""
+"""1/s; with one block (5 ms) of delay an integral alone is unstable from 314/s on; at 100/s the gain margin is 3."""
 
 
 def phases_for(scenario: Scenario, controller: str) -> tuple[Phase, ...]:
@@ -113,6 +123,7 @@ class Search:
             "search": name,
             "proportional_gain": getattr(controller, "proportional_gain", ""),
             "integral_gain": getattr(controller, "integral_gain", ""),
+            "units": ", ".join(p.unit for name, p in parameters_of(controller).items() if name in COLUMNS),
             "rms_error_nm": f"{1e9 * error.rms:.2f}" if error else "",
             "max_error_nm": f"{1e9 * error.maximum:.2f}" if error else "",
             "remark": reason,

@@ -1,3 +1,26 @@
 """Models, observers and controllers for piezo nanopositioning stages; imports no ROS."""
 
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
 __version__ = "0.1.0"
+
+
+def _place_compiled_code() -> None:
+    """Give Numba a cache folder named after our sources.
+
+    Numba looks at the file a function stands in, not at what that file imports: after an edit elsewhere it would go on
+    using old code. With the sources' digest in the folder's name it cannot. The folder is the user's, so a read-only
+    installation works, too.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(cache / "pzt_ros" / digest.hexdigest()[:16]))
+
+
+_place_compiled_code()

@@ -12,14 +12,17 @@ import yaml
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.parametrized import Parametrized
+from pzt_ros.physics.quadrature import Quadrature
 from pzt_ros.physics.sensor import DisplacementSensor
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.quantities import build, choices_of, parameters_of, to_text
 
 LINKS: dict[str, type[Link]] = {
-    link.kind: link for link in (Amplifier, Parametrized, Electrostriction, DisplacementSensor)
+    link.kind: link
+    for link in (Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor)
 }
 """Every link a chain file may name; a new one is one line here."""
 
@@ -62,12 +65,15 @@ def read_yaml(name_or_path: str | Path, shipped_files: dict[str, Path], what: st
     except FileNotFoundError:
         names = ", ".join(shipped_files)
         raise BenchError(f"{what} '{name_or_path}': no such file; shipped are {names}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise BenchError(f"{what} '{name_or_path}' cannot be read: {getattr(error, 'strerror', error)}") from None
-    except yaml.YAMLError as error:
+    except OSError as error:
+        raise BenchError(f"{what} '{name_or_path}' cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise BenchError(f"{what} '{name_or_path}' is not UTF-8 text: {error}") from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date such as 2026-13-01 is no date
         mark = getattr(error, "problem_mark", None)
         line = f" line {mark.line + 1}:" if mark else ""
-        raise BenchError(f"{path.name}:{line} not valid YAML ({getattr(error, 'problem', error)})") from None
+        problem = " ".join(str(getattr(error, "problem", error)).split())
+        raise BenchError(f"{path.name}:{line} not valid YAML ({problem})") from None
 
 
 def parse_chain(data: Any, where: str) -> Chain:
@@ -76,7 +82,7 @@ def parse_chain(data: Any, where: str) -> Chain:
         raise BenchError(f"{where}: not a chain; expected 'chain: name' and a list 'links:'")
     for key in data:
         if key not in ("chain", "links", *_NOTES):
-            raise BenchError(f"{where}: unknown key '{key}'; known are chain, links, {', '.join(_NOTES)}")
+            raise BenchError(f"{where}: unknown key {key!r}; known are chain, links, {', '.join(_NOTES)}")
     links = tuple(_link(entry, f"{where}: link {number}") for number, entry in enumerate(data["links"], start=1))
     _check_order(links, where)
     notes = {key: data[key] for key in _NOTES if key in data}
@@ -87,8 +93,8 @@ def _link(entry: Any, where: str) -> Link:
     if not isinstance(entry, dict) or "link" not in entry:
         raise BenchError(f"{where}: expected 'link: kind' and its parameters, found {entry!r}")
     kind = entry["link"]
-    if kind not in LINKS:
-        raise BenchError(f"{where}: unknown link '{kind}'; known are {', '.join(LINKS)}")
+    if not isinstance(kind, str) or kind not in LINKS:
+        raise BenchError(f"{where}: unknown link {kind!r}; known are {', '.join(LINKS)}")
     values = {key: value for key, value in entry.items() if key != "link"}
     return build(LINKS[kind], values, f"{where} ({kind})")
 

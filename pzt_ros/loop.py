@@ -13,6 +13,7 @@ import numpy as np
 from pzt_ros.chains import load_chain
 from pzt_ros.controllers.controller import Feedback
 from pzt_ros.controllers.loop import ControlLoop
+from pzt_ros.errors import RunFailedError
 from pzt_ros.experiments.experiment import Experiment
 from pzt_ros.hardware.amplifier import Applied, SimulatedAmplifier
 from pzt_ros.hardware.guard import GuardedAmplifier
@@ -58,7 +59,11 @@ class InProcessLoop:
         return self._measure(None, None, self.amplifier.hold())
 
     def step(self, last: Tick) -> Tick | None:
-        """The next block, or None when the scenario is over."""
+        """The next block, or None when the scenario is over.
+
+        Raises:
+            RunFailedError: the amplifier refused the command, or is in fault.
+        """
         reference = self.experiment.step(self.amplifier.next_block, float(np.mean(last.measurement)))
         if reference is None:
             return None
@@ -67,7 +72,10 @@ class InProcessLoop:
         feedback = Feedback(last.applied.time, last.applied.voltage, last.measurement, last.estimate.displacement)
         command = self.control.step(reference, feedback)
         applied = self.amplifier.apply(float(reference.time[0]), command)
-        assert applied is not None
+        if applied is None:
+            amplifier = self.amplifier
+            why = amplifier.reason or ", ".join(amplifier.counts)
+            raise RunFailedError(f"at {reference.time[0]:.4f} s the amplifier took no command, it is {amplifier.state}: {why}")
         return self._measure(reference, command, applied)
 
     def _measure(self, reference: Reference | None, command: Array | None, applied: Applied) -> Tick:

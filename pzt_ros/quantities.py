@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -73,6 +74,15 @@ def _registry() -> Any:
     return pint.UnitRegistry()
 
 
+_TOO_LARGE = 10**308
+"""An integer in YAML has no limit, a float has."""
+
+_NUMBER_AND_UNIT = re.compile(
+    r"(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf))\s*(?P<unit>(?:1\s*/)?[^\d\s,.+*/^-][^,]*|)"
+)
+"""One number, then a unit. Left to itself pint takes `1,5 V` for 15 V, `V` for 1 V, and calculates `3 V + 2 V`."""
+
+
 def to_si(value: Any, unit: str, where: str) -> float:
     """A number in SI from text with a unit, such as `0.5 MV/m`.
 
@@ -85,11 +95,11 @@ def to_si(value: Any, unit: str, where: str) -> float:
         BenchError: unit missing, unknown or of another dimension; not a finite number.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise BenchError(f"{where}: {value!r} is not a number with a unit; write it like '1.5 {unit}'")
+        raise BenchError(f"{where}: {value!r} is not a number{_with_unit(unit)}; write it like {_example(unit)}")
     if isinstance(value, (int, float)):
         if unit != "1":
             raise BenchError(f"{where}: {value} has no unit; write '{value} {unit}' or another unit of that kind")
-        number = float(value)
+        number = float(value) if abs(value) < _TOO_LARGE else math.inf
     else:
         number = _parse(value, unit, where)
     if not math.isfinite(number):
@@ -100,17 +110,28 @@ def to_si(value: Any, unit: str, where: str) -> float:
 def _parse(text: str, unit: str, where: str) -> float:
     import pint
 
+    advice = f"write it like {_example(unit)}"
+    found = _NUMBER_AND_UNIT.fullmatch(text.strip())
+    if found is None:
+        raise BenchError(f"{where}: {text!r} is not a number{_with_unit(unit)}; {advice}")
+    if unit != "1" and not found["unit"]:
+        raise BenchError(f"{where}: {text!r} has no unit; write it in {unit} or another unit of that kind")
     try:
-        quantity = _registry().Quantity(text)
-        if unit != "1" and quantity.unitless:
-            raise BenchError(f"{where}: '{text}' has no unit; write it in {unit} or another unit of that kind")
+        quantity = _registry().Quantity(float(found["number"]), found["unit"])
         return float(quantity.to("dimensionless" if unit == "1" else unit).magnitude)
-    except BenchError:
-        raise
     except pint.DimensionalityError:
-        raise BenchError(f"{where}: '{text}' cannot be read as {unit}; give a unit of that kind") from None
-    except Exception:  # pint raises a dozen kinds for malformed text; to the reader they are one
-        raise BenchError(f"{where}: '{text}' is not a number with a known unit; write it like '1.5 {unit}'") from None
+        kind = "a pure number" if unit == "1" else unit
+        raise BenchError(f"{where}: {text!r} cannot be read as {kind}; {advice}") from None
+    except Exception:  # pint raises a dozen kinds for malformed units; to the reader they are one
+        raise BenchError(f"{where}: {text!r} has no known unit; {advice}") from None
+
+
+def _with_unit(unit: str) -> str:
+    return "" if unit == "1" else " with a unit"
+
+
+def _example(unit: str) -> str:
+    return "1.5" if unit == "1" else f"'1.5 {unit}'"
 
 
 def to_text(value: float, unit: str) -> str | float:
@@ -130,7 +151,7 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
     known = {**parameters, **choices}
     for key in values:
         if key not in known:
-            raise BenchError(f"{where}: unknown parameter '{key}'; known are {', '.join(known)}")
+            raise BenchError(f"{where}: unknown parameter {key!r}; known are {', '.join(known)}")
     required = [f.name for f in dataclasses.fields(cls) if f.name in known and f.default is dataclasses.MISSING]
     for name in required:
         if name not in values:
@@ -148,13 +169,13 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
 def check_bounds(value: float, declared: Parameter, where: str) -> None:
     """Raise BenchError unless the SI `value` lies within the declared bounds."""
     if not declared.lower <= value <= declared.upper:
-        raise BenchError(
-            f"{where}: {value:.6g} {declared.unit} is outside {declared.lower:.6g} to {declared.upper:.6g} {declared.unit}"
-            f" ({declared.description})"
-        )
+        unit = "" if declared.unit == "1" else f" {declared.unit}"
+        limits = f"{declared.lower:.6g} to {declared.upper:.6g}{unit}"
+        raise BenchError(f"{where}: {value:.6g}{unit} is outside {limits} ({declared.description})")
 
 
 def _option(value: Any, declared: Choice, where: str) -> str:
     if not isinstance(value, str) or (declared.options and value not in declared.options):
-        raise BenchError(f"{where}: {value!r} is not one of {', '.join(declared.options)}")
+        expected = f"one of {', '.join(declared.options)}" if declared.options else "a word"
+        raise BenchError(f"{where}: {value!r} is not {expected} ({declared.description})")
     return str(value)

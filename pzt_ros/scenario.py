@@ -14,7 +14,7 @@ from pzt_ros.experiments.experiment import Experiment
 from pzt_ros.experiments.phases import PHASES, Phase
 from pzt_ros.hardware.guard import Limits
 from pzt_ros.observers.observer import Observer
-from pzt_ros.observers.table import find_observer
+from pzt_ros.observers.table import OBSERVERS
 from pzt_ros.quantities import build, parameter, parameters_of
 
 
@@ -91,13 +91,14 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     timing_keys = parameters_of(Timing)
     for key in data:
         if key not in _KEYS and key not in timing_keys:
-            raise BenchError(f"{where}: unknown key '{key}'; known are {', '.join((*_KEYS, *timing_keys))}")
+            raise BenchError(f"{where}: unknown key {key!r}; known are {', '.join((*_KEYS, *timing_keys))}")
     for key in ("plant", "model", "phases"):
         if key not in data:
             raise BenchError(f"{where}: key '{key}' is missing")
     timing = build(Timing, {key: data[key] for key in timing_keys if key in data}, where)
-    if timing.block_size != int(timing.block_size):
-        raise BenchError(f"{where}.block_size: {timing.block_size} is not a whole number of samples")
+    for key in ("block_size", "seed"):
+        if getattr(timing, key) != int(getattr(timing, key)):
+            raise BenchError(f"{where}.{key}: {getattr(timing, key)} is not a whole number")
     path = files.get(str(name_or_path), Path(name_or_path)).resolve()
     return Scenario(
         name=str(data.get("scenario", path.stem)),
@@ -116,15 +117,19 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 def _chain_name(name: Any, scenario: Path) -> str:
     """The chain's name, or its path made absolute: a relative path starts at the scenario's folder."""
     beside = scenario.parent / str(name)
-    chosen = str(beside) if beside.suffix == ".yaml" and beside.exists() else str(name)
+    chosen = str(beside) if beside.suffix in (".yaml", ".yml") and beside.is_file() else str(name)
     load_chain(chosen)
     return chosen
 
 
 def _observer(entry: Any, where: str) -> Observer:
-    values = dict(entry)
-    kind = values.pop("observer", "disturbance")
-    observer: Observer = build(find_observer(kind), values, f"{where}: observer")
+    if not isinstance(entry, dict):
+        raise BenchError(f"{where}: observer: expected 'observer: kind' and its gains, found {entry!r}")
+    values = {key: value for key, value in entry.items() if key != "observer"}
+    kind = entry.get("observer", "disturbance")
+    if not isinstance(kind, str) or kind not in OBSERVERS:
+        raise BenchError(f"{where}: unknown observer {kind!r}; known are {', '.join(OBSERVERS)}")
+    observer: Observer = build(OBSERVERS[kind], values, f"{where}: observer")
     return observer
 
 
@@ -133,7 +138,7 @@ def _controllers(entries: Any, where: str) -> dict[str, Controller]:
         raise BenchError(f"{where}: controllers: expected a controller's name and its gains, found {entries!r}")
     for name in entries:
         if name not in CONTROLLERS:
-            raise BenchError(f"{where}: unknown controller '{name}'; known are {', '.join(CONTROLLERS)}")
+            raise BenchError(f"{where}: unknown controller {name!r}; known are {', '.join(CONTROLLERS)}")
     return {
         name: build(cls, entries.get(name) or {}, f"{where}: controllers.{name}") for name, cls in CONTROLLERS.items()
     }
@@ -145,7 +150,7 @@ def _phases(entries: Any, where: str) -> tuple[Phase, ...]:
     phases = []
     for number, entry in enumerate(entries, start=1):
         here = f"{where}: phase {number}"
-        if not isinstance(entry, dict) or entry.get("phase") not in PHASES:
+        if not isinstance(entry, dict) or str(entry.get("phase")) not in PHASES:
             raise BenchError(f"{here}: expected 'phase: kind', kind one of {', '.join(PHASES)}; found {entry!r}")
         values = {key: value for key, value in entry.items() if key != "phase"}
         phase = build(PHASES[entry["phase"]], values, f"{here} ({entry['phase']})")

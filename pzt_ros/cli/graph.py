@@ -2,63 +2,176 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any
 
 import typer
 
+from pzt_ros.errors import BenchError
+
+RUN_FILES = ("bag", "log", "figures", "run.json", "scenario.yaml", "parameters.yaml", "report.html", "report.json")
+"""What a run and its report leave in a run folder."""
+
+Out = Annotated[Path | None, typer.Option(help="run folder; runs/SCENARIO-TIME by default")]
+Overwrite = Annotated[bool, typer.Option(help="replace the run that is in the run folder")]
+AsJson = Annotated[bool, typer.Option("--json", help="the numbers of the report, for programs")]
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands to the program."""
     app.command()(run)
+    app.command()(demo)
 
 
 def run(
     scenario: Annotated[str, typer.Argument(help="scenario: shipped name or path of a YAML file")] = "scan",
-    out: Annotated[Optional[Path], typer.Option(help="run folder; runs/SCENARIO-TIME by default")] = None,
-    duration: Annotated[Optional[float], typer.Option(help="end the scenario after this many seconds of its own")] = None,
+    out: Out = None,
+    duration: Annotated[float | None, typer.Option(help="end the scenario after this many seconds of its own")] = None,
     composed: Annotated[bool, typer.Option(help="all nodes in one process")] = False,
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
-    domain: Annotated[Optional[int], typer.Option(help="ROS domain; a free one by default")] = None,
+    domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
 ) -> None:
     """Start the node graph, run a scenario, record a bag, stop cleanly, write the run's report.
 
     Example: pzt run scan --out runs/first
     """
-    from pzt_ros.report.run import write_run_report
-
-    folder = out or default_folder(scenario)
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace}
     flags = {"--composed": composed, "--real-time": real_time}
-    bring_up(scenario, folder, options, flags)
-    typer.echo(f"report: {write_run_report(folder)}")
+    run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)
 
 
-def default_folder(scenario: str) -> Path:
-    """A run folder that does not exist yet, named after the scenario and the time."""
-    return Path("runs") / f"{Path(scenario).stem}-{datetime.now():%Y%m%d-%H%M%S}"
+def demo(
+    out: Out = None,
+    seed: Annotated[
+        int | None, typer.Option(help="of the simulated noise; the scenario's own by default", min=0)
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """The whole story: poling, then a 10 um triangle at 1 Hz with each of the four controllers, a bag and a report.
+
+    Example: pzt demo --out demo
+    """
+    folder = run_folder(out, "demo", overwrite)
+    scenario = "demo" if seed is None else str(scenario_with_seed("demo", seed, folder))
+    typer.echo("Poling, then four controllers on the same simulated stage; half a minute or less.", err=True)
+    run_and_report(scenario, folder, {}, {}, as_json)
 
 
-def bring_up(scenario: str, folder: Path, options: dict[str, object], flags: dict[str, bool]) -> None:
-    """Run the graph in a process of its own, which says itself what is wrong.
+def run_folder(out: Path | None, scenario: str, overwrite: bool) -> Path:
+    """Where a run goes; a run that is there already is removed if it may be.
+
+    Raises:
+        BenchError: the folder holds a run and may not be overwritten, or what is to be overwritten is no run.
+    """
+    if out is None:
+        return Path("runs") / f"{Path(scenario).stem}-{datetime.now():%Y%m%d-%H%M%S}"
+    if not (out / "bag").exists():
+        return out
+    if not overwrite:
+        raise BenchError(f"{out} holds a run already; choose another --out, or say --overwrite")
+    if not (out / "run.json").is_file():
+        raise BenchError(
+            f"{out} holds a bag but no run.json, so it is no run folder to overwrite; choose another --out"
+        )
+    for name in RUN_FILES:
+        path = out / name
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    return out
+
+
+def scenario_with_seed(name: str, seed: int, folder: Path) -> Path:
+    """A copy of a shipped scenario with another seed, in the run folder.
+
+    Raises:
+        BenchError: the folder cannot be written.
+    """
+    import yaml
+
+    from pzt_ros.chains import read_yaml, shipped
+    from pzt_ros.records import write_text
+
+    data, _ = read_yaml(name, shipped("scenarios"), "scenario")
+    path = folder / f"{name}-seed-{seed}.yaml"
+    write_text(path, [yaml.safe_dump({**data, "seed": seed}, sort_keys=False, allow_unicode=True)])
+    return path
+
+
+def run_and_report(
+    scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool], as_json: bool
+) -> None:
+    """Run the graph and report on whatever was recorded, also when it failed.
 
     Raises:
         typer.Exit: with the exit code of the graph, unless it is 0.
-
-    Raises:
+        BenchError: the run went well, but there is no report to be made of it.
     """
+    from pzt_ros.report.run import read_summary, write_run_report
+
+    code = bring_up(scenario, folder, options, flags)
+    try:
+        if code == 0 or (folder / "bag").exists():
+            page = write_run_report(folder)
+            summary = read_summary(folder)
+            typer.echo(json.dumps({**summary, "report": str(page)}, indent=1)) if as_json else show(summary, page)
+    except BenchError as error:
+        if code == 0:
+            raise
+        typer.echo(f"no report: {error}", err=True)
+    if code != 0:
+        raise typer.Exit(code)  # the graph has said why
+
+
+def bring_up(scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool]) -> int:
+    """Run the graph in a process of its own, which says itself what is wrong; returns its exit code."""
     command = [sys.executable, "-m", "pzt_bringup", scenario, "--out", str(folder)]
     command += [word for name, value in options.items() if value is not None for word in (name, str(value))]
     command += [name for name, wanted in flags.items() if wanted]
     process = subprocess.Popen(command)
     try:
-        code = process.wait()
+        return process.wait()
     except KeyboardInterrupt:  # the graph heard it, too, and brings the stage to 0 V
-        code = process.wait()
-    if code != 0:
-        raise typer.Exit(code)  # it has said why
+        return process.wait()
+
+
+def show(summary: dict[str, Any], page: Path) -> None:
+    """The numbers of a run in the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    rows = summary["tracking"]
+    if rows:
+        title = "Tracking error" + (", SIMULATED, against the true displacement" if summary["simulated"] else "")
+        table = Table(title=title, title_justify="left")
+        table.add_column("controller")
+        for heading in ("RMS [nm]", "RMS [% of stroke]", "max [nm]", "max [% of stroke]", "better than open loop"):
+            table.add_column(heading, justify="right")
+        for row in rows:
+            table.add_row(row["name"], *_cells(row))
+        console.print(table)
+    if summary["incomplete"]:
+        console.print(summary["incomplete"], style="yellow", highlight=False)
+    console.print(summary["verdict"], highlight=False)
+    console.print(f"report: {page}", highlight=False, soft_wrap=True)
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    error = next(iter(row["against"].values()))
+    percent = [error["rms_percent_of_stroke"], error["max_percent_of_stroke"]]
+    rms, largest = (f"{share:.3f}" if share is not None else "" for share in percent)
+    ratio = row["better_than_open_loop"]
+    better = f"{ratio:.1f} x" if ratio else ""
+    return [f"{1e9 * error['rms_m']:.1f}", rms, f"{1e9 * error['max_m']:.1f}", largest, better]

@@ -24,7 +24,7 @@ class InversePI(Controller):
     integral_limit: float = parameter(5e-6, "m", "the correction stays within plus and minus this", bounds=(0.0, 1e-3))
 
     def init(self, model: Chain, feedback: Feedback) -> float:
-        """The correction [m] that explains what the model reads too little now."""
+        """No correction yet [m]; what the model reads wrong now, the hand-over hides until the integral has found it."""
         return 0.0
 
     def step(

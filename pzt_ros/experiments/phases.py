@@ -80,7 +80,7 @@ class Move(Phase):
 
 @dataclass(frozen=True, kw_only=True)
 class Scan(Phase):
-    """A periodic scan that starts and ends at its lowest displacement."""
+    """A periodic scan that starts at its lowest displacement, and ends there after whole cycles."""
 
     kind: ClassVar[str] = "scan"
     quantity: ClassVar[str] = DISPLACEMENT

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.link import ACTUATOR, AMPLIFIER
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.link import AMPLIFIER
 from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 
 
@@ -51,9 +53,9 @@ class SimulatedAmplifier:
 
     def __init__(self, chain: Chain, rest: Rest) -> None:
         self._amplifier = chain.section(AMPLIFIER)
-        actuator = chain.section(ACTUATOR)
-        self._load = Chain(chain.name, tuple(link for link in actuator.links if hasattr(link, "layer_thickness")))
-        self._area = sum(getattr(link, "electrode_area", 2e-3) for link in self._load.links)
+        ceramic = tuple(link for link in chain.links if isinstance(link, Ferroelectric))
+        self._load = Chain(chain.name, ceramic)
+        self._area = sum(link.electrode_area for link in ceramic)
         self._amplifier_state = self._amplifier.init(rest)
         self._load_state = self._load.init(rest)
         self._time = rest.time
@@ -69,6 +71,7 @@ class SimulatedAmplifier:
     def warm_up(self) -> None:
         """Compile now what the first block would have to wait for; the state stays as it is."""
         self._load.step(self._load_state, Signals(REHEARSAL, np.zeros_like(REHEARSAL)))
+        _current(REHEARSAL, REHEARSAL, 0.0, 0.0)
 
     @property
     def voltage(self) -> float:
@@ -81,8 +84,18 @@ class SimulatedAmplifier:
         self._load_state, loaded = self._load.step(self._load_state, driven)
         polarization = loaded.polarization if loaded.polarization.size else np.zeros_like(time)
         charge = self._area * (polarization - self._polarization_start)
-        elapsed = np.diff(time, prepend=self._time)
-        drawn = np.diff(charge, prepend=self._charge)
-        current = np.divide(drawn, elapsed, out=np.zeros_like(time), where=elapsed > 0.0)
+        current = _current(time, charge, self._time, self._charge)
         self._time, self._charge, self._voltage = float(time[-1]), float(charge[-1]), float(driven.voltage[-1])
         return Applied(time, driven.voltage, current, charge)
+
+
+@njit(cache=True)
+def _current(time: Array, charge: Array, last_time: float, last_charge: float) -> Array:
+    """Mean current of each sample step [A]; 0 where a step takes no time."""
+    current = np.zeros_like(time)
+    for i in range(len(time)):
+        elapsed = time[i] - last_time
+        if elapsed > 0.0:
+            current[i] = (charge[i] - last_charge) / elapsed
+        last_time, last_charge = time[i], charge[i]
+    return current

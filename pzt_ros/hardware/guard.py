@@ -60,7 +60,7 @@ class GuardedAmplifier:
 
     def warm_up(self) -> None:
         """Compile now what the first command would have to wait for."""
-        _limit_slew(np.zeros(2), 0.0, 1.0)
+        _limit(np.zeros(2), 0.0, 0.0, 0.0, 1.0)
         self.driver.warm_up()
 
     @property
@@ -132,10 +132,10 @@ class GuardedAmplifier:
 
     def _limited(self, wanted: Array) -> Array:
         limits = self.limits
-        inside = np.clip(wanted, limits.voltage_min, limits.voltage_max)
-        self.counts["limited: voltage window"] += int(np.count_nonzero(inside != wanted))
-        command, limited = _limit_slew(inside, self._command, limits.slew_rate / self.sample_rate)
-        self.counts["limited: slew rate"] += limited
+        step = limits.slew_rate / self.sample_rate
+        command, outside, fast = _limit(wanted, self._command, limits.voltage_min, limits.voltage_max, step)
+        self.counts["limited: voltage window"] += outside
+        self.counts["limited: slew rate"] += fast
         return command
 
     def _put_out(self, command: Array) -> Applied:
@@ -150,15 +150,23 @@ class GuardedAmplifier:
 
 
 @njit(cache=True)
-def _limit_slew(wanted: Array, last: float, step: float) -> tuple[Array, int]:
-    """Follow `wanted` by at most `step` a sample, from `last`; also how many samples were held back."""
+def _limit(wanted: Array, last: float, lowest: float, highest: float, step: float) -> tuple[Array, int, int]:
+    """Follow `wanted` inside the window and by at most `step` a sample, from `last`.
+
+    Returns:
+        the command, how many samples were outside the window, and how many were held back by the slew rate.
+    """
     out = np.empty_like(wanted)
-    limited = 0
+    outside, fast = 0, 0
     for i in range(len(wanted)):
-        change = wanted[i] - last
+        inside = min(max(wanted[i], lowest), highest)
+        outside += inside != wanted[i]
+        change = inside - last
         if abs(change) > step:
             change = step if change > 0.0 else -step
-            limited += 1
-        last = last + change
+            fast += 1
+            last += change
+        else:
+            last = inside
         out[i] = last
-    return out, limited
+    return out, outside, fast

@@ -11,6 +11,7 @@ from numba import njit
 
 from pzt_ros.observers.observer import Estimate, Observer
 from pzt_ros.physics.chain import Chain, ChainState
+from pzt_ros.physics.link import ACTUATOR, SENSOR
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
@@ -38,13 +39,13 @@ class DisturbanceObserver(Observer):
 
     def init(self, model: Chain, rest: Rest) -> DisturbanceState:
         """Model at rest, disturbance unknown."""
-        return DisturbanceState(model.init(rest), math.nan)
+        return DisturbanceState(model.section(ACTUATOR, SENSOR).init(rest), math.nan)
 
     def update(
         self, model: Chain, state: DisturbanceState, time: Array, voltage: Array, measurement: Array
     ) -> tuple[DisturbanceState, Estimate]:
-        """Take in a block of applied voltage [V] and of measurement [m]."""
-        memory, out = model.step(state.model, Signals(time, voltage))
+        """Take in a block of applied voltage [V], as it is behind the amplifier, and of measurement [m]."""
+        memory, out = model.section(ACTUATOR, SENSOR).step(state.model, Signals(time, voltage))
         start = state.disturbance if math.isfinite(state.disturbance) else float(measurement[0] - out.displacement[0])
         step = (time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else 0.0
         disturbance, innovation = _follow(measurement - out.displacement, start, 1.0 - math.exp(-self.gain * step))

@@ -12,18 +12,20 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics import parametrized_branch as branch
 from pzt_ros.physics import parametrized_inverse as inverse
 from pzt_ros.physics import parametrized_kernel as kernel
+from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.kinetics import thermal_width
-from pzt_ros.physics.link import ACTUATOR, Link, State
+from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import choice, parameter
 
 _PRERUN_SAMPLES = 100_001
 _PRERUN_ACCURACY = 1e-8
 _RAMP_TO_REST = 1.0
+_FARTHEST_TAIL = 14.0  # erfc(14) = 5e-87; the integration was tried out to there
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parametrized(Link):
+class Parametrized(Ferroelectric):
     """Voltage to polarization by one ODE with return-point memory, events located exactly (3.34, 3.35).
 
     The barrier is exact in both tails and the branches turn and close where the equations say, inside a sample step if
@@ -31,7 +33,6 @@ class Parametrized(Link):
     """
 
     kind: ClassVar[str] = "parametrized"
-    section: ClassVar[str] = ACTUATOR
 
     shape_ascending: float = parameter(
         None,
@@ -103,13 +104,6 @@ class Parametrized(Link):
         symbol="B_sat",
         bounds=(1e4, 1e8),
     )
-    layer_thickness: float = parameter(
-        1e-4,
-        "m",
-        "Thickness of one ceramic layer, over which the voltage drops.",
-        symbol="h",
-        bounds=(1e-8, 1.0),
-    )
     start: str = choice(
         "virgin",
         ("virgin", "negative"),
@@ -146,7 +140,12 @@ class Parametrized(Link):
         )
 
     def init(self, rest: Rest) -> State:
-        """The state after the pre-history and, if the rest voltage is not 0, a ramp to it within 1 s."""
+        """The state after the pre-history and, if the rest voltage is not 0, a ramp to it within 1 s.
+
+        Raises:
+            BenchError: saturation lies so many widths of the barrier distribution out that no domain is there.
+        """
+        self._check_tails()
         state = _after_history(self).copy()
         if rest.voltage != 0.0:
             end = state[branch.TIME] + _RAMP_TO_REST
@@ -176,7 +175,7 @@ class Parametrized(Link):
         Raises:
             BenchError: a time or the polarization is missing, or a time is no finite number.
         """
-        if signals.polarization is None:
+        if not signals.polarization.size:
             raise BenchError("parametrized: the block has no polarization to invert; set it before calling invert")
         time = _finite(signals.time, "time", "s")
         target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
@@ -184,14 +183,24 @@ class Parametrized(Link):
         inverse.run_inverse(after, self.material, time, target, voltage, x)
         return after, signals.replace(voltage=voltage, phase_fraction=x)
 
+    def _check_tails(self) -> None:
+        for name in ("ascending", "descending"):
+            shape, barrier = getattr(self, f"shape_{name}"), getattr(self, f"barrier_{name}")
+            tail = (self.saturation_barrier / barrier + 1.0) / shape
+            if tail > _FARTHEST_TAIL:
+                raise BenchError(
+                    f"parametrized: saturation_barrier is {tail:.3g} widths out on the {name} branch, the limit is"
+                    f" {_FARTHEST_TAIL:.3g}; lower saturation_barrier or raise shape_{name} or barrier_{name}"
+                )
+
     def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
         p, x = np.empty(time.size), np.empty(time.size)
         kernel.run(state, self.material, time, voltage, p, x)
         return p, x
 
 
-def _finite(values: Array | None, name: str, unit: str) -> Array:
-    if values is None:
+def _finite(values: Array, name: str, unit: str) -> Array:
+    if not values.size:
         raise BenchError(f"parametrized: the block has no {name}; set it before calling step")
     array = np.ascontiguousarray(values, dtype=np.float64)
     finite = np.isfinite(array)

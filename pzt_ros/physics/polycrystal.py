@@ -5,15 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics import polycrystal_kernel as kernel
 from pzt_ros.physics.density import Density, Gaussian, Nodes, Table
+from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.kinetics import thermal_width
-from pzt_ros.physics.link import ACTUATOR, Link, State
+from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import choice, parameter
 
@@ -30,7 +30,7 @@ METHODS = {"collocation": kernel.COLLOCATION, "midpoint": kernel.MIDPOINT}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Polycrystal(Link):
+class Polycrystal(Ferroelectric):
     """What quadrature and lattice share; they differ in where they put their domains.
 
     State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], then x+ of every domain [-].
@@ -38,8 +38,6 @@ class Polycrystal(Link):
     Attributes:
         coercive_density, interaction_density: in place of the Gaussians, a table each.
     """
-
-    section: ClassVar[str] = ACTUATOR
 
     coercive_field: float = parameter(
         0.5e6, "V/m", "where the coercive fields are densest", symbol="E_c", bounds=(0.0, 1e7)
@@ -54,12 +52,9 @@ class Polycrystal(Link):
         1e-3, "s", "of thermally activated switching", symbol="tau_x", bounds=(1e-9, 1e6)
     )
     domain_polarization: float = parameter(0.26, "C/m^2", "of a domain at zero field", symbol="P_T", bounds=(0.0, 2.0))
-    reciprocal_permittivity: float = parameter(6e7, "V m/C", "dE/dP of a domain", symbol="E_1", bounds=(1e5, 1e10))
+    reciprocal_permittivity: float = parameter(6e7, "V*m/C", "dE/dP of a domain", symbol="E_1", bounds=(1e5, 1e10))
     temperature: float = parameter(293.0, "K", "of the ceramic", symbol="T", bounds=(1.0, 1000.0))
     domain_volume: float = parameter(1e-22, "m^3", "that switches at once", symbol="V_D", bounds=(1e-27, 1e-18))
-    layer_thickness: float = parameter(
-        1e-4, "m", "of one ceramic layer, E = V/thickness", symbol="t", bounds=(1e-7, 1e-1)
-    )
     accuracy: float = parameter(1e-6, "1", "largest error of the integration in x+", symbol="", bounds=(1e-12, 1e-2))
     method: str = choice(
         "collocation",
@@ -190,7 +185,7 @@ class Polycrystal(Link):
         bad = kernel.run(state, self.elements, time, voltage, polarization, phase_fraction)
         if bad >= 0:
             raise BenchError(
-                f"{self.kind}: sample {bad} ({time[bad]:.9g} s, {voltage[bad]:.6g} V) is not finite or not after"
-                " the one before; drop or sort it"
+                f"{self.kind}: sample {bad} ({time[bad]:.9g} s, {voltage[bad]:.6g} V) is not finite, beyond"
+                " 1 GV/m, or not after the one before; drop or sort it"
             )
         return polarization, phase_fraction

@@ -37,6 +37,7 @@ _MAX_SUBSTEPS = 1e5
 _LONGEST_STEP = 0.5  # in units of d: beyond, the order of a method says nothing
 _NEVER = 1e-290  # keeps p/(p + q) defined for a frozen domain
 _MAX_TRIALS = 80
+_NO_SUCH_FIELD = 1e9  # [V/m]; a hundred times what breaks a ceramic
 
 
 class Elements(NamedTuple):
@@ -70,7 +71,7 @@ class Elements(NamedTuple):
 
 
 def field_step(method: int, accuracy: float) -> float:
-    """The substep of a slow ramp [-, in units of d] that keeps the error of x+ below about `accuracy` (tests: at any rate)."""
+    """The substep of a slow ramp [-, in units of d] that keeps the error of x+ below about `accuracy`."""
     if method == MIDPOINT:
         return 0.01 * math.sqrt(accuracy / 1e-6)
     return 0.035 * math.sqrt(math.sqrt(accuracy / 1e-6))
@@ -181,7 +182,7 @@ def _polarization(switched, weights, field, el):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
-    """Take all x, in place, through a linear ramp of the field from start to end [V/m] in duration [s]; give their weighted sum.
+    """Take all x, in place, through a linear ramp from start to end [V/m] in duration [s]; returns their weighted sum.
 
     `work` holds the tables: shape (8, rows + columns - 1).
     """
@@ -222,16 +223,16 @@ def _work(el):  # type: ignore[no-untyped-def]
 def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore[no-untyped-def]
     """Step through a block; `state` moves in place, the last two arrays are filled.
 
-    Returns the index of the first sample that cannot be used (time runs back, or not finite), else -1.
+    Returns the index of the first sample that cannot be used (time runs back, not finite, absurd field), else -1.
     """
     work = _work(el)
     x = state[HEAD:]
     weights = el.row_weight.sum() * el.column_weight.sum()
     for k in range(time.size):
         duration = time[k] - state[TIME]
-        if not (duration >= 0.0 and math.isfinite(time[k]) and math.isfinite(voltage[k])):
-            return k
         field = voltage[k] / el.layer_thickness
+        if not (duration >= 0.0 and math.isfinite(time[k]) and abs(field) <= _NO_SUCH_FIELD):
+            return k
         switched = advance(x, el, work, state[VOLTAGE] / el.layer_thickness, field, duration)
         state[TIME], state[VOLTAGE] = time[k], voltage[k]
         phase_fraction[k] = switched / weights
@@ -243,9 +244,9 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
 def run_inverse(state, el, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
     """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
 
-    P rises with the voltage, at least as steeply as without switching, and a root lies within +-limit [V] or beyond: then
-    the limit is the answer. The first trial continues with the last sample's slope, then a Newton step, then secants;
-    bisection where they leave the bracket or do not halve it in three.
+    P rises with the voltage, at least as steeply as without switching, and a root lies within +-limit [V] or beyond:
+    then the limit is the answer. The first trial continues with the last sample's slope, then a Newton step, then
+    secants; bisection where they leave the bracket or do not halve it in three.
     """
     work = _work(el)
     x = state[HEAD:]

@@ -1,7 +1,8 @@
-"""The figures of a run. Each draws onto a new figure in the colours of a theme; micrometres, nanometres, volts, milliamperes."""
+"""The figures of a run, in µm, nm, V and mA. Each draws onto a new figure in the colours of a theme."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,9 @@ from pzt_ros.report.tracking import PhaseTracking, Stretch
 
 POINTS = 3000
 """Curves are thinned to about twice this many points; a figure has fewer pixels."""
+
+
+VOLTAGE_LABEL = "voltage across the ceramic [V]"
 
 
 @dataclass(frozen=True)
@@ -46,53 +50,59 @@ class Picture:
 
 def overview(picture: Picture) -> Figure:
     """One picture of the run: the loop closed, the error over a cycle, the error in numbers."""
-    figure = _figure(12.6, 4.1)
+    figure = _figure(picture, 12.6, 4.3)
     loop, error, bars = figure.subplots(1, 3, width_ratios=(1.0, 1.25, 1.0))
-    worst, best = extremes(picture.rows)
-    pair = [worst, best] if worst is not best else [worst]
-    _loop_over_reference(loop, picture, pair)
+    _loop_over_reference(loop, picture, opposites(picture.rows))
+    loop.legend(loc="upper left")
     loop.set_title("Displacement over reference")
     for label, row in picture.rows:
         part = last_cycle(row.stretch, picture.data)
         time, difference = picture.data.time[part], (picture.data.reference - picture.data.displacement)[part]
         _line(error, 1e3 * (time - time[0]), 1e9 * difference, picture.colour(row), label)
     error.set(title="Tracking error over one cycle", xlabel="time in the cycle [ms]", ylabel="error [nm]")
-    _legend_below(error, min(4, len(picture.rows)))
-    _error_bars(bars, picture)
+    error.set_xlim(
+        0.0, 1e3 * max(_length(last_cycle(row.stretch, picture.data), picture.data) for _, row in picture.rows)
+    )
+    error.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.16),
+        ncols=min(4, len(picture.rows)),
+        columnspacing=1.1,
+        handlelength=1.3,
+    )
+    _error_dots(bars, picture)
     return figure
 
 
 def loops(picture: Picture) -> Figure:
     """Displacement over voltage, where hysteresis lives, and over the reference, where it should be gone."""
-    figure = _figure(11.0, 4.6)
-    voltage, reference = figure.subplots(1, 2)
+    data = picture.data
     if not picture.rows:
-        _line(voltage, picture.data.voltage, 1e6 * picture.data.displacement, picture.theme.ink, stride=True)
-        reference.remove()
+        figure = _figure(picture, 6.4, 4.8)
+        axis = figure.subplots()
+        _line(axis, data.voltage, 1e6 * data.displacement, picture.theme.ink, stride=True)
+        axis.set(title="Over the voltage", xlabel=VOLTAGE_LABEL, ylabel=f"{picture.judged} [µm]")
+        return figure
+    figure = _figure(picture, 13.4, 4.8)
+    voltage, reference, error = figure.subplots(1, 3)
     for label, row in picture.rows:
-        part = last_cycle(row.stretch, picture.data)
-        _line(
-            voltage,
-            picture.data.voltage[part],
-            1e6 * picture.data.displacement[part],
-            picture.colour(row),
-            label,
-            stride=True,
-        )
-    voltage.set(title="Over the voltage", xlabel="voltage across the ceramic [V]", ylabel=f"{picture.judged} [µm]")
-    if picture.rows:
-        _loop_over_reference(reference, picture, picture.rows)
-        reference.set_title("Over the reference")
-        figure.legend(
-            *voltage.get_legend_handles_labels(), loc="outside lower center", ncols=min(6, len(picture.rows))
-        )
+        part, colour = last_cycle(row.stretch, data), picture.colour(row)
+        _line(voltage, data.voltage[part], 1e6 * data.displacement[part], colour, label, stride=True)
+        difference = 1e9 * (data.reference - data.displacement)[part]
+        _line(error, 1e6 * data.reference[part], difference, colour, stride=True)
+    _loop_over_reference(reference, picture, picture.rows)
+    voltage.set(title="Displacement over voltage", xlabel=VOLTAGE_LABEL, ylabel=f"{picture.judged} [µm]")
+    reference.set_title("Displacement over reference")
+    error.set(title="Error over reference", xlabel="reference [µm]", ylabel="error [nm]")
+    handles = voltage.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=min(6, len(picture.rows)))
     return figure
 
 
 def tracking(picture: Picture) -> Figure:
     """A column for each phase: what was asked and done, the error on a common scale, the error on its own scale."""
     count = len(picture.rows)
-    figure = _figure(max(5.0, 3.15 * count), 6.6)
+    figure = _figure(picture, max(5.0, 3.15 * count), 6.8)
     axes = figure.subplots(3, count, sharex="col", squeeze=False, height_ratios=(1.25, 1.0, 1.0))
     for column, (label, row) in enumerate(picture.rows):
         _track_column(axes[:, column], picture, label, row)
@@ -109,10 +119,11 @@ def tracking(picture: Picture) -> Figure:
 def course(picture: Picture) -> Figure:
     """The whole run: displacement, voltage and current with the amplifier's limits."""
     data, theme = picture.data, picture.theme
-    figure = _figure(11.0, 6.6)
+    figure = _figure(picture, 11.0, 6.8)
     place, voltage, current = figure.subplots(3, 1, sharex=True, height_ratios=(1.3, 1.0, 0.8))
-    _line(place, data.time, 1e6 * data.displacement, theme.ink, picture.judged)
-    _line(place, data.time, 1e6 * data.reference, theme.colour("open_loop"), "reference", style=(0, (4, 2)), width=1.1)
+    if np.any(np.isfinite(data.reference)):
+        _line(place, data.time, 1e6 * data.reference, theme.shade, "reference", width=3.6)
+    _line(place, data.time, 1e6 * data.displacement, theme.ink, picture.judged, width=1.2)
     place.set_ylabel("displacement [µm]")
     place.legend(loc="upper right", ncols=2, bbox_to_anchor=(1.0, 1.02))
     _headroom(place, 0.24)
@@ -135,14 +146,18 @@ CAPTIONS: dict[str, tuple[Draw, bool, str]] = {
     "overview": (
         overview,
         True,
-        "The run in one picture. Left: the worst and the best phase, last cycle; a perfect stage would draw the dashed line. "
-        "Middle: error over the last cycle. Right: RMS (bar) and largest error (tick), logarithmic.",
+        "The run in one picture. Left: open loop (or the worst phase) and the best one; dashed is perfect. "
+        "Middle: error over the last cycle. Right: the error in numbers, without the first cycle, logarithmic.",
     ),
-    "loops": (loops, False, "The last cycle of each phase. What is open on the right is error."),
+    "loops": (
+        loops,
+        False,
+        "The last cycle of each phase: the hysteresis a controller has to work against, and what it leaves of it.",
+    ),
     "tracking": (
         tracking,
         True,
-        "Top: reference (dashed) and displacement. Below: reference minus displacement, first on the same scale for all, "
+        "Top: reference (dashed) and displacement. Below: reference minus displacement, first on one scale for all, "
         "then each on its own. Shaded: the first cycle, which is left out of the errors as settling.",
     ),
     "course": (
@@ -154,17 +169,26 @@ CAPTIONS: dict[str, tuple[Draw, bool, str]] = {
 """Every figure: how it is drawn, whether it needs a phase with a reference, what is written below it."""
 
 
-def extremes(rows: Sequence[tuple[str, PhaseTracking]]) -> tuple[Any, Any]:
-    """The phases with the largest and with the least RMS error."""
+def opposites(rows: Sequence[tuple[str, PhaseTracking]]) -> list[tuple[str, PhaseTracking]]:
+    """What is best shown side by side: open loop, or else the worst, and the phase with the least RMS error."""
     ordered = sorted(rows, key=lambda item: item[1].judged.rms)
-    return ordered[-1], ordered[0]
+    plain = [item for item in ordered if item[1].stretch.controller == "open_loop"]
+    return ordered[:1] if len(ordered) == 1 or plain == ordered[:1] else [(plain or ordered)[-1], ordered[0]]
 
 
 def last_cycle(stretch: Stretch, data: RunData) -> slice:
-    """The samples of the last whole cycle of a scan; all that was recorded of any other phase, or of a scan cut short."""
-    begin, end = stretch.begin, stretch.end
-    if isinstance(stretch.phase, Scan) and stretch.phase.cycles >= 1.0 and data.time[-1] > end - 1.5 * _step(data):
-        begin = end - 1.0 / stretch.phase.frequency
+    """The samples of the last whole cycle that was recorded of a scan; all of another phase, or of a shorter scan."""
+    part = span(stretch.begin, stretch.end, data)
+    if not isinstance(stretch.phase, Scan):
+        return part
+    recorded = part.start + np.flatnonzero(np.isfinite((data.reference - data.displacement)[part]))
+    cycle = 1.0 / stretch.phase.frequency
+    whole = math.floor((data.time[recorded[-1]] + 1.5 * _step(data) - stretch.begin) / cycle) if recorded.size else 0
+    return span(stretch.begin + (whole - 1) * cycle, stretch.begin + whole * cycle, data) if whole else part
+
+
+def span(begin: float, end: float, data: RunData) -> slice:
+    """The samples from `begin` up to, but not including, `end` [s]."""
     half = 0.5 * _step(data)
     first, last = np.searchsorted(data.time, (begin - half, end - half))
     return slice(int(first), int(last))
@@ -185,12 +209,22 @@ def thin(x: Array, y: Array) -> tuple[Array, Array]:
     return x[chosen], y[chosen]
 
 
-def _figure(width: float, height: float) -> Figure:
-    return Figure(figsize=(width, height), dpi=110)
+def _figure(picture: Picture, width: float, height: float) -> Figure:
+    """A new figure [inches] that says of itself whether it was simulated, wherever it may be pasted."""
+    figure = Figure(figsize=(width, height), dpi=140)
+    kind = "SIMULATED" if picture.data.simulated else "measured"
+    text = f"{kind}  ·  scenario {picture.data.name}"
+    figure.suptitle(text, x=0.995, ha="right", fontsize=8.5, color=picture.theme.muted)
+    return figure
 
 
 def _step(data: RunData) -> float:
     return 1.0 / data.scenario.sample_rate
+
+
+def _length(part: slice, data: RunData) -> float:
+    """Of a part of the run [s]."""
+    return (part.stop - part.start) * _step(data)
 
 
 def _line(
@@ -221,34 +255,39 @@ def _loop_over_reference(axis: Axes, picture: Picture, rows: Sequence[tuple[str,
         _line(axis, reference, displacement, picture.colour(row), label, stride=True)
     axis.axline((reference[0], reference[0]), slope=1.0, color=picture.theme.muted, lw=0.9, ls=(0, (4, 3)), zorder=1)
     axis.set(xlabel="reference [µm]", ylabel=f"{picture.judged} [µm]")
-    if len(rows) <= 2:
-        axis.legend(loc="upper left")
 
 
-def _error_bars(axis: Axes, picture: Picture) -> None:
-    """RMS as a bar and the maximum as a tick, for each phase, on a logarithmic axis."""
-    errors = [row.judged for _, row in picture.rows]
-    place = np.arange(len(errors))[::-1]
-    rms = np.array([max(1e9 * error.rms, 1e-3) for error in errors])
-    largest = np.array([max(1e9 * error.maximum, 1e-3) for error in errors])
-    colours = [picture.colour(row) for _, row in picture.rows]
-    axis.barh(place, rms, height=0.5, color=colours, left=0.0)
-    axis.scatter(largest, place, marker="|", s=190, color=colours, linewidths=2.2)
-    for y, value, edge in zip(place, rms, largest, strict=True):
-        axis.text(edge * 1.18, y, _three_digits(value), va="center", ha="left", fontsize=9.5)
-    axis.set(xscale="log", xlim=(0.4 * rms.min(), 4.5 * largest.max()), xlabel="RMS error [nm], tick: largest")
-    axis.set_yticks(place, [label for label, _ in picture.rows])
+def _error_dots(axis: Axes, picture: Picture) -> None:
+    """RMS as a dot and the maximum as a tick, for each phase, on a logarithmic axis."""
+    for place, (_, row) in enumerate(picture.rows):
+        rms, largest = (max(1e9 * value, 1e-3) for value in (row.judged.rms, row.judged.maximum))
+        colour = picture.colour(row)
+        axis.plot((rms, largest), (place, place), color=colour, lw=2.0, alpha=0.55)
+        axis.plot(rms, place, "o", ms=9, color=colour)
+        axis.plot(largest, place, "|", ms=13, mew=2.2, color=colour)
+        axis.annotate(
+            f"{_three_digits(rms)} nm",
+            (rms, place),
+            xytext=(0, 9),
+            textcoords="offset points",
+            ha="center",
+            fontsize=9.5,
+        )
+    axis.set(title="RMS error (dot), largest (tick)", xscale="log", xlabel="error [nm]")
+    axis.xaxis.set_major_formatter("{x:g}")
+    figures = [1e9 * value for _, row in picture.rows for value in (row.judged.rms, row.judged.maximum)]
+    low, high = math.log10(max(0.7 * min(figures), 1e-3)), math.log10(max(1.3 * max(figures), 1e-2))
+    axis.set_xlim(10 ** math.floor(low), 10 ** math.ceil(high))
+    axis.set_ylim(len(picture.rows) - 0.5, -0.75)
+    axis.set_yticks(range(len(picture.rows)), [label for label, _ in picture.rows])
     axis.tick_params(axis="y", length=0)
     axis.grid(False, axis="y")
-    axis.set_title("Tracking error")
 
 
 def _track_column(axes: Any, picture: Picture, label: str, row: PhaseTracking) -> None:
     top, common, own = axes
     data, stretch = picture.data, row.stretch
-    half = 0.5 * _step(data)
-    first, last = np.searchsorted(data.time, (stretch.begin - half, stretch.end - half))
-    part = slice(int(first), int(last))
+    part = span(stretch.begin, stretch.end, data)
     time = data.time[part] - stretch.begin
     error = 1e9 * (data.reference - data.displacement)[part]
     _line(top, time, 1e6 * data.displacement[part], picture.colour(row))
@@ -259,7 +298,7 @@ def _track_column(axes: Any, picture: Picture, label: str, row: PhaseTracking) -
     if stretch.settled > stretch.begin:
         for axis in axes:
             axis.axvspan(0.0, stretch.settled - stretch.begin, color=picture.theme.grid, alpha=0.55, lw=0, zorder=0)
-    settled = error[time >= stretch.settled - stretch.begin - half]
+    settled = error[time >= stretch.settled - stretch.begin - 0.5 * _step(data)]
     shown = settled[np.isfinite(settled)] if np.any(np.isfinite(settled)) else error[np.isfinite(error)]
     reach = 1.25 * float(np.max(np.abs(shown))) or 1.0
     own.set_ylim(-reach, reach)
@@ -320,10 +359,6 @@ def _bands(axes: Sequence[Axes], picture: Picture) -> None:
                 controller, (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 4),
                 textcoords="offset points", ha="center", va="bottom", color=colour, weight="bold", fontsize=9.5,
             )  # fmt: skip
-
-
-def _legend_below(axis: Axes, columns: int) -> None:
-    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, columnspacing=1.1, handlelength=1.3)
 
 
 def _three_digits(value: float) -> str:

@@ -70,7 +70,7 @@ def summarize(data: RunData, rows: Rows, health: list[NodeHealth]) -> dict[str, 
     """The numbers of a run, ready for JSON [m, s, %, 1]."""
     line = next((row for _, row in rows if row.stretch.controller == "open_loop"), None)
     return {
-        "scenario": data.scenario.name,
+        "scenario": data.name,
         "simulated": data.simulated,
         "verdict": verdict(data, rows),
         "incomplete": completeness(data),
@@ -110,7 +110,6 @@ def _error(error: TrackingError) -> dict[str, float]:
 def _draw(data: RunData, rows: Rows) -> list[Shown]:
     """Draw every figure in both themes, save the PNGs beside the page."""
     import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from pzt_ros.report.figures import CAPTIONS, Picture
     from pzt_ros.report.style import THEMES
@@ -122,9 +121,9 @@ def _draw(data: RunData, rows: Rows) -> list[Shown]:
             continue
         encoded = {}
         for theme in THEMES:
+            stream = io.BytesIO()
             with matplotlib.rc_context(theme.settings()):
-                stream = io.BytesIO()
-                FigureCanvasAgg(draw(Picture(data, rows, theme))).print_png(stream)
+                draw(Picture(data, rows, theme)).savefig(stream, format="png")
             suffix = "" if theme.name == "light" else f"-{theme.name}"
             _write_png(folder / f"{name}{suffix}.png", stream.getvalue())
             encoded[theme.name] = base64.b64encode(stream.getvalue()).decode("ascii")
@@ -188,7 +187,7 @@ def _nm(value: float) -> str:
 
 
 def _percent(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.3f}" if value < 1.0 else f"{value:.2f}"
+    return "-" if math.isnan(value) else f"{value:.3f}" if value < 1.0 else f"{value:.2f}"
 
 
 def _short(value: float) -> str:
@@ -202,5 +201,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-

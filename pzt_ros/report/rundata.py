@@ -59,6 +59,11 @@ class RunData:
     duration: float
 
     @property
+    def name(self) -> str:
+        """Of the scenario; the run's copy may not say it."""
+        return str(self.provenance.get("scenario", self.scenario.name))
+
+    @property
     def simulated(self) -> bool:
         """Whether the stage was a simulated one; a run that does not say counts as real."""
         return self.provenance.get("simulated") is True
@@ -82,8 +87,9 @@ class RunData:
 
     @property
     def recorded(self) -> float:
-        """How long the run is, in its own time [s]."""
-        return float(self.time[-1] - self.time[0]) + 1.0 / self.scenario.sample_rate
+        """How far the scenario came, which begins after the first block [s]."""
+        rate = self.scenario.sample_rate
+        return float(self.time[-1] + (1 - self.scenario.block_size) / rate)
 
     @property
     def wall_time(self) -> float:

@@ -1,4 +1,4 @@
-"""How figures look: a light and a dark theme, and one colour per controller that colour-blind readers can tell apart."""
+"""How figures look: a light and a dark theme, one colour per controller that colour-blind readers can tell apart."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ class Theme:
     ink: str
     muted: str
     grid: str
+    shade: str
     controllers: dict[str, str] = field(default_factory=dict)
 
     def colour(self, controller: str) -> str:
         """Of a controller; ink for one that has none."""
         return self.controllers.get(controller, self.ink)
 
-    def settings(self) -> dict[str, Any]:
-        """What matplotlib is told."""
+    def settings(self) -> Any:
+        """What matplotlib is told, by the names of its settings."""
         return {
             "figure.facecolor": self.ground,
             "savefig.facecolor": self.ground,
@@ -55,6 +56,7 @@ class Theme:
             "path.simplify_threshold": 0.5,
             "font.family": "DejaVu Sans",  # comes with matplotlib: the same figure on every machine
             "figure.constrained_layout.use": True,
+            "figure.constrained_layout.w_pad": 0.09,
         }
 
 
@@ -64,6 +66,7 @@ LIGHT = Theme(
     ink="#1c2024",
     muted="#6b7580",
     grid="#e6e9ec",
+    shade="#b9c2cb",
     controllers={"open_loop": "#d55e00", "pi": "#0072b2", "inverse": "#009e73", "inverse_pi": "#9b2f8f"},
 )
 DARK = Theme(
@@ -72,6 +75,7 @@ DARK = Theme(
     ink="#e8ebee",
     muted="#98a2ad",
     grid="#2a3138",
+    shade="#5b6672",
     controllers={"open_loop": "#ff8c42", "pi": "#5ab4f0", "inverse": "#35c99a", "inverse_pi": "#e08ad8"},
 )
 THEMES = (LIGHT, DARK)

@@ -19,7 +19,10 @@ def verdict(data: RunData, rows: Rows) -> str:
     if not rows:
         v, y = data.voltage[np.isfinite(data.voltage)], data.displacement[np.isfinite(data.displacement)]
         voltage = f"the voltage ran from {v.min():.1f} to {v.max():.1f} V" if v.size else "no voltage was recorded"
-        return f"{where}{voltage} and the displacement from {1e6 * y.min():.3f} to {1e6 * y.max():.3f} µm; no displacement was asked for, so there is no tracking error."
+        displacement = f"the displacement from {1e6 * y.min():.3f} to {1e6 * y.max():.3f} µm"
+        return (
+            f"{where}{voltage} and {displacement}; no displacement was recorded as asked for, so nothing was tracked."
+        )
     label, best = min(rows, key=lambda item: item[1].judged.rms)
     error = best.judged
     text = (
@@ -37,14 +40,15 @@ def verdict(data: RunData, rows: Rows) -> str:
 def completeness(data: RunData) -> str:
     """What is missing from the run, in a sentence; empty where it ran to its end."""
     outcome = data.outcome
-    seconds = f"{data.recorded:.2f} of {data.duration:.2f} s"
     if outcome is None:
-        return f"This run did not end properly: its supervisor was killed, or is still at work. {seconds} were recorded, and shown is what there is."
-    if outcome.get("exit_code", 1) != 0:
-        return f"This run failed: {outcome.get('sentence', 'no reason given')}. {seconds} were recorded, and shown is what there is."
-    if data.recorded < data.duration - 2.0 * data.scenario.block_size / data.scenario.sample_rate:
-        return f"This run was cut short ({outcome.get('sentence', 'no reason given')}): {seconds} were recorded, and shown is what there is."
-    return ""
+        what = "This run did not end properly: its supervisor was killed, or is still at work."
+    elif outcome.get("exit_code", 1) != 0:
+        what = f"This run failed: {outcome.get('sentence', 'no reason given')}."
+    elif data.recorded < data.duration - 2.0 * data.scenario.block_size / data.scenario.sample_rate:
+        what = f"This run was cut short: {outcome.get('sentence', 'no reason given')}."
+    else:
+        return ""
+    return f"{what} {data.recorded:.2f} of {data.duration:.2f} s were recorded; what follows shows what there is."
 
 
 def describe(row: PhaseTracking) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,13 +14,13 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
-from pzt_ros.sysid.covariance import correlation_length, parameter_covariance
+from pzt_ros.sysid.covariance import correlation_length, effective_samples, parameter_covariance
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import FreeParameter, free_parameters, without_noise
 from pzt_ros.sysid.problem import Problem, distinguishable
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, check_usable, rms
-from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
+from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, settle, with_offset
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
@@ -60,15 +61,7 @@ class Fit:
         problem = Problem(chain, free, parts, starts, self.progress)
         kept, held = distinguishable(problem) if "free" not in self.chain.notes else (list(free), [])
         problem.free = kept
-        vector = _solve(problem)
-        for _ in range(_ROUNDS):
-            fitted = problem.chain_at(vector)
-            starts = [settle(fitted, part) for part in parts]
-            before, after = _histories(problem.starts_at(vector)), _histories(starts)
-            problem = _restarted(problem, fitted, starts)
-            vector = _solve(problem)
-            if before == after:
-                break
+        problem, vector = _with_best_histories(problem, _solve(problem))
         return _result(self.chain, problem, vector, held)
 
 
@@ -102,8 +95,28 @@ def _solve(problem: Problem) -> Array:
     return vector
 
 
-def _histories(starts: Sequence[Start]) -> list[int]:
-    return [len(start.prior_voltages) for start in starts]
+def _with_best_histories(problem: Problem, vector: Array) -> tuple[Problem, Array]:
+    """Look for other histories with the parameters free to adapt, fit again, and keep what is best."""
+    best, best_vector = problem, vector
+    for _ in range(_ROUNDS):
+        chain, columns = problem.chain_at(vector), len(problem.free)
+        tangents = [jacobian[:, :columns] for jacobian in problem.jacobians(vector)]
+        pairs = zip(problem.parts, tangents, strict=True)
+        problem = _restarted(problem, chain, [settle(chain, part, tangent=tangent) for part, tangent in pairs])
+        vector = _solve(problem)
+        if not _is_better(problem, vector, best, best_vector):
+            break
+        best, best_vector = problem, vector
+    return best, best_vector
+
+
+def _is_better(problem: Problem, vector: Array, other: Problem, other_vector: Array) -> bool:
+    """Whether the fall of the misfit pays for the reversals that it took more."""
+    residual, former = (np.concatenate(p.residuals(v)) for p, v in ((problem, vector), (other, other_vector)))
+    if not rms(residual) > 0.0:
+        return rms(former) > 0.0
+    gain = effective_samples(residual) * 2.0 * math.log(rms(former) / rms(residual))
+    return gain - PRICE * (vector.size - other_vector.size) > 1.0
 
 
 def _restarted(problem: Problem, chain: Chain, starts: Sequence[Start]) -> Problem:

@@ -6,6 +6,7 @@ import math
 import platform
 from dataclasses import dataclass, replace
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -138,10 +139,10 @@ class FitResult:
     def _run_table(self) -> Table:
         table = Table(title="runs", title_justify="left")
         for name in ("run", "counted [s]", "samples", "rms [nm]", "% of span", "noise floor [nm]", "x noise"):
-            table.add_column(name, justify="left" if name == "run" else "right", overflow="fold")
+            table.add_column(Text(name), justify="left" if name == "run" else "right", overflow="fold")
         for run in self.runs:
             table.add_row(
-                run.name,
+                Text(Path(run.name).name),
                 f"{run.counted_from:.6g} to {run.counted_until:.6g}",
                 str(run.samples),
                 f"{run.rms * 1e9:.4g}",
@@ -152,8 +153,11 @@ class FitResult:
         return table
 
     def _remarks(self) -> list[str]:
-        lines = [f"{run.name}: started from {run.start}, offset {run.start.offset * 1e6:.4f} um" for run in self.runs]
-        lines += [f"{run.name}: {run.noise.caveat}" for run in self.runs if run.noise.caveat]
+        lines = [
+            f"{Path(run.name).name}: started from {run.start}, offset {run.start.offset * 1e6:.4f} um"
+            for run in self.runs
+        ]
+        lines += [f"{Path(run.name).name}: {run.noise.caveat}" for run in self.runs if run.noise.caveat]
         for a, b, r in self.strongly_correlated:
             lines.append(f"{a} and {b} go together (r = {r:.3f}): only a combination is known")
         if self.held:

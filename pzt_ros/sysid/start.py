@@ -21,15 +21,16 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
-from pzt_ros.sysid.run import Span, Start, free_run, typical_leg
+from pzt_ros.sysid.run import Span, Start, free_run, rms, typical_leg
 
 LONGEST = 2
 """Prior reversals tried at most; methods tried with four gain a little and cost much."""
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
-_LEVELS = 5
-_PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
+_LEVELS = 7
+_REFINED = 4
+PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,13 @@ def voltage_bounds(record: Record) -> tuple[float, float]:
     return low - 0.5 * (high - low), high + 0.5 * (high - low)
 
 
-def settle(chain: Chain, part: CountedPart, base: Start | None = None, any_scale: bool = False) -> Start:
+def settle(
+    chain: Chain,
+    part: CountedPart,
+    base: Start | None = None,
+    any_scale: bool = False,
+    tangent: Array | None = None,
+) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
 
     Args:
@@ -73,15 +80,16 @@ def settle(chain: Chain, part: CountedPart, base: Start | None = None, any_scale
         part: what may be looked at.
         base: history to start from; one without prior reversals where None.
         any_scale: judge the shape alone, and take as many reversals as fit best; for a chain that is not fitted yet.
+        tangent: how the counted samples change with the parameters [shape (n, p)]; a history is then judged by what is
+            left when the parameters adapt to it, or those fitted to a wrong history would defend it.
     """
-    misfit = _misfit_of(chain, part, any_scale)
+    misfit = _misfit_of(chain, part, any_scale, tangent)
     leg = typical_leg(part.record)
     best = replace(base, offset=0.0) if base else Start(leg=leg)
     best_residual = misfit(best)
     for count in range(1, LONGEST + 1):
-        start = _best_of_grid(misfit, part.record, count, leg)
-        if not any_scale:
-            start = _refined(misfit, start, part.record)
+        tried = _best_of_grid(misfit, part.record, count, leg)
+        start = tried[0] if any_scale else _refined(misfit, tried, part.record)
         residual = misfit(start)
         if any_scale:
             if np.sum(residual**2) < np.sum(best_residual**2):
@@ -97,8 +105,9 @@ def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
     return replace(start, offset=float(np.mean(part.displacement - model.displacement)))
 
 
-def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool) -> Callable[[Start], Array]:
+def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool, tangent: Array | None) -> Callable[[Start], Array]:
     measured = part.displacement - part.displacement.mean()
+    absorbed = np.zeros((measured.size, 0)) if tangent is None else np.linalg.qr(tangent)[0]
 
     def misfit(start: Start) -> Array:
         model = free_run(chain, part.record, start, part.picks, part.end).displacement
@@ -106,36 +115,50 @@ def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool) -> Callable[[St
         scale = 1.0
         if any_scale and np.any(model):
             scale = max(float(model @ measured / (model @ model)), 0.0)
-        return measured - scale * model
+        left: Array = measured - scale * model
+        return left - absorbed @ (absorbed.T @ left)
 
     return misfit
 
 
-def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, leg: float) -> Start:
+def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, leg: float) -> list[Start]:
     levels = np.linspace(*voltage_bounds(record), _LEVELS)
     starts = [
         Start(tuple(float(v) for v in voltages), leg)
         for voltages in itertools.product(levels, repeat=count)
         if all(a != b for a, b in itertools.pairwise(voltages))
     ]
-    return min(starts, key=lambda start: float(np.sum(misfit(start) ** 2)))
+    return sorted(starts, key=lambda start: float(np.sum(misfit(start) ** 2)))[:_REFINED]
 
 
-def _refined(misfit: Callable[[Start], Array], start: Start, record: Record) -> Start:
+def _refined(misfit: Callable[[Start], Array], tried: list[Start], record: Record) -> Start:
+    """The best that local search makes of a few starts; there are several minima, so one start is not enough."""
     low, high = voltage_bounds(record)
     unit = high - low
+    unit_of_misfit = max(rms(misfit(tried[0])), 1e-15)  # the tolerances of the search want numbers of order 1
 
-    def residual(shares: Array) -> Array:
-        return misfit(replace(start, prior_voltages=tuple(float(low + unit * share) for share in shares)))
+    def start_of(shares: Array) -> Start:
+        return replace(tried[0], prior_voltages=tuple(float(low + unit * share) for share in shares))
 
-    begin = np.clip((np.array(start.prior_voltages) - low) / unit, 0.02, 0.98)
-    found = _least_squares(residual, begin, bounds=(0.0, 1.0), diff_step=1e-3, xtol=1e-4, max_nfev=15)
-    refined = replace(start, prior_voltages=tuple(float(low + unit * share) for share in found.x))
-    return min(start, refined, key=lambda candidate: float(np.sum(misfit(candidate) ** 2)))
+    best, least = tried[0], float(np.sum(misfit(tried[0]) ** 2))
+    for start in tried:
+        begin = np.clip((np.array(start.prior_voltages) - low) / unit, 0.02, 0.98)
+        found = _least_squares(
+            lambda shares: misfit(start_of(shares)) / unit_of_misfit,
+            begin,
+            bounds=(0.0, 1.0),
+            diff_step=1e-3,
+            xtol=1e-4,
+            max_nfev=15,
+        )
+        ssr = 2.0 * found.cost * unit_of_misfit**2
+        if ssr < least:
+            best, least = start_of(found.x), ssr
+    return best
 
 
 def _pays(before: Array, after: Array, reversals: int) -> bool:
     ssr_before, ssr_after = float(np.sum(before**2)), float(np.sum(after**2))
     if ssr_after <= 0.0 or ssr_before <= 0.0:
         return ssr_after < ssr_before
-    return effective_samples(after) * math.log(ssr_before / ssr_after) > _PRICE * reversals
+    return effective_samples(after) * math.log(ssr_before / ssr_after) > PRICE * reversals

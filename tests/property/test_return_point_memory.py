@@ -254,3 +254,8 @@ def test_rest_voltage_is_reached_slowly_and_time_starts_at_rest() -> None:
 def test_voltage_that_is_no_number_is_refused() -> None:
     with pytest.raises(BenchError, match="voltage is nan V at sample 1"):
         FULL_LOOP.step(FULL_LOOP.init(Rest()), Signals(time=np.array([0.0, 1.0]), voltage=np.array([0.0, np.nan])))
+
+
+def test_saturation_beyond_all_domains_is_refused() -> None:
+    with pytest.raises(BenchError, match=r"saturation_barrier is 50 widths out on the descending branch"):
+        dataclasses.replace(FULL_LOOP, shape_descending=0.1).init(Rest())
