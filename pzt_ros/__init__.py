@@ -13,12 +13,14 @@ def _place_compiled_code() -> None:
     """Give Numba a cache folder named after our sources.
 
     Numba looks at the file a function stands in, not at what that file imports: after an edit elsewhere it would go on
-    using old code. With the sources' digest in the folder's name it cannot. The folder is the user's, so a read-only
-    installation works, too.
+    using old code. With the digest of all files that have compiled functions in the folder's name it cannot. The folder
+    is the user's, so a read-only installation works, too.
     """
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
+        source = path.read_bytes()
+        if b"numba" in source:
+            digest.update(source)
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     os.environ.setdefault("NUMBA_CACHE_DIR", str(cache / "pzt_ros" / digest.hexdigest()[:16]))
 

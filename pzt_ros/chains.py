@@ -21,8 +21,7 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.quantities import build, choices_of, parameters_of, to_text
 
 LINKS: dict[str, type[Link]] = {
-    link.kind: link
-    for link in (Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor)
+    link.kind: link for link in (Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor)
 }
 """Every link a chain file may name; a new one is one line here."""
 

@@ -75,7 +75,9 @@ class InProcessLoop:
         if applied is None:
             amplifier = self.amplifier
             why = amplifier.reason or ", ".join(amplifier.counts)
-            raise RunFailedError(f"at {reference.time[0]:.4f} s the amplifier took no command, it is {amplifier.state}: {why}")
+            raise RunFailedError(
+                f"at {reference.time[0]:.4f} s the amplifier took no command, it is {amplifier.state}: {why}"
+            )
         return self._measure(reference, command, applied)
 
     def _measure(self, reference: Reference | None, command: Array | None, applied: Applied) -> Tick:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,6 +42,10 @@ class AmplifierDriver(Protocol):
     def voltage(self) -> float:
         """Voltage found at the stack now [V]."""
 
+    @property
+    def gain(self) -> float:
+        """Voltage across the ceramic over command voltage [-]."""
+
     def warm_up(self) -> None:
         """Get ready for the first block without putting anything out."""
 
@@ -53,6 +58,7 @@ class SimulatedAmplifier:
 
     def __init__(self, chain: Chain, rest: Rest) -> None:
         self._amplifier = chain.section(AMPLIFIER)
+        self.gain = math.prod(getattr(link, "gain", 1.0) for link in self._amplifier.links)
         ceramic = tuple(link for link in chain.links if isinstance(link, Ferroelectric))
         self._load = Chain(chain.name, ceramic)
         self._area = sum(link.electrode_area for link in ceramic)

@@ -35,16 +35,21 @@ class Limits:
     )
 
     @property
+    def ramp_rate(self) -> float:
+        """Rate of the ramp to 0 V [V/s]: the safe rate, unless even that is too fast."""
+        return min(self.safe_rate, self.slew_rate)
+
+    @property
     def declared_safe_time(self) -> float:
         """Within this wall-clock time after the last command the stack is at 0 V [s]; 0.2 s are for the machine."""
-        return self.command_timeout + max(-self.voltage_min, self.voltage_max) / self.safe_rate + 0.2
+        return self.command_timeout + max(-self.voltage_min, self.voltage_max) / self.ramp_rate + 0.2
 
 
 class GuardedAmplifier:
     """An amplifier driver behind its guards, as a machine of four states.
 
     disabled: 0 V whatever is asked. enabled: follows the commands. ramping: on the way to 0 V, commands are ignored.
-    fault: at 0 V with a reason, until `reset`.
+    fault: at 0 V with a reason, until `reset`. The limits are of the stack; a command is the stack's voltage over the driver's gain.
     """
 
     def __init__(self, driver: AmplifierDriver, limits: Limits, sample_rate: float, block_size: int) -> None:
@@ -55,7 +60,7 @@ class GuardedAmplifier:
         self.state = DISABLED
         self.reason = ""
         self.counts: Counter[str] = Counter()
-        self._command = 0.0
+        self._command = driver.voltage / driver.gain
         self._next = 0
 
     def warm_up(self) -> None:
@@ -75,8 +80,10 @@ class GuardedAmplifier:
 
     def enable(self) -> str:
         """Follow commands from now on; returns what is in the way, or nothing."""
-        if self.state == FAULT or self.state == RAMPING:
-            return f"cannot enable: {self.state} ({self.reason or 'ramping to 0 V'}); reset first"
+        if self.state == RAMPING:
+            return f"cannot enable: ramping to 0 V{f' ({self.reason})' if self.reason else ''}; wait until it is there"
+        if self.state == FAULT:
+            return f"cannot enable: fault ({self.reason}); reset first"
         self.state = ENABLED
         return ""
 
@@ -107,7 +114,7 @@ class GuardedAmplifier:
         if command_voltage.shape != (self.block_size,):
             self.counts["refused: wrong block size"] += 1
             return None
-        if not np.isfinite(first_time) or round(first_time * self.sample_rate) != self._next * self.block_size:
+        if not abs(first_time * self.sample_rate - self._next * self.block_size) < 0.5:  # refuses a time of NaN, too
             self.counts["refused: out of turn"] += 1
             return None
         if not np.all(np.isfinite(command_voltage)):
@@ -122,7 +129,7 @@ class GuardedAmplifier:
 
     def ramp(self) -> Applied:
         """Put out the next block of the way to 0 V, or of staying there."""
-        step = self.limits.safe_rate / self.sample_rate
+        step = self.limits.ramp_rate / self.driver.gain / self.sample_rate
         count = np.arange(1, self.block_size + 1)
         command = np.sign(self._command) * np.maximum(np.abs(self._command) - step * count, 0.0)
         applied = self._put_out(command)
@@ -131,9 +138,11 @@ class GuardedAmplifier:
         return applied
 
     def _limited(self, wanted: Array) -> Array:
-        limits = self.limits
-        step = limits.slew_rate / self.sample_rate
-        command, outside, fast = _limit(wanted, self._command, limits.voltage_min, limits.voltage_max, step)
+        limits, gain = self.limits, self.driver.gain
+        step = limits.slew_rate / gain / self.sample_rate
+        command, outside, fast = _limit(
+            wanted, self._command, limits.voltage_min / gain, limits.voltage_max / gain, step
+        )
         self.counts["limited: voltage window"] += outside
         self.counts["limited: slew rate"] += fast
         return command
@@ -144,7 +153,7 @@ class GuardedAmplifier:
         self._next += 1
         self._command = float(command[-1])
         peak = float(np.max(np.abs(applied.current)))
-        if self.state == ENABLED and peak > self.limits.current:
+        if self.state == ENABLED and not peak <= self.limits.current:  # a current of NaN is a fault, too
             self.fault(f"current of {1e3 * peak:.1f} mA exceeds the limit of {1e3 * self.limits.current:.1f} mA")
         return applied
 
