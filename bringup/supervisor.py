@@ -44,11 +44,11 @@ class Supervisor:
         try:
             self._start()
             outcome = self._watch()
-            return Outcome(outcome.exit_code, outcome.sentence, self._status())
         finally:
             self._stop_all()
             for number, handler in before.items():
                 signal.signal(number, handler)
+        return Outcome(outcome.exit_code, outcome.sentence, self._status())
 
     def _on_signal(self, _number: int, _frame: Any) -> None:
         self._interrupted = True

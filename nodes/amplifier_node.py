@@ -41,7 +41,7 @@ class AmplifierNode(GraphNode):
         on_change(self, self._on_parameters)
 
     def _on_drive(self, block: Block) -> None:
-        applied = self.amplifier.apply(float(block.time[0]), block["command_voltage_V"])
+        applied = self.amplifier.apply(block.first_time, block["command_voltage_V"])
         if applied is None:
             self.refuse("drive", "; ".join(f"{what} ({n})" for what, n in self.amplifier.counts.items()))
         else:

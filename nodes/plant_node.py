@@ -49,7 +49,7 @@ class PlantNode(GraphNode):
         if self._said is not None:
             self._responses.add(self._heard - self._said)
         self._voltage = float(block["voltage_V"][-1])
-        self._next_block = round(float(block.time[0]) * self.sample_rate / self.block_size) + 1
+        self._next_block = self.tick_of(block) + 1
         truth = self.stage.step(block.time, block["voltage_V"])
         if self.real_time:
             self._wait_for(float(block.time[-1]) + 1.0 / self.sample_rate)

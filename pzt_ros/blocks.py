@@ -65,6 +65,11 @@ class Block:
             raise BlockError(f"no column {column} in this block; there are {', '.join(self.columns)}") from None
 
     @property
+    def first_time(self) -> float:
+        """Time of the first sample [s]."""
+        return float(self.values[0, 0])
+
+    @property
     def time(self) -> Array:
         """Sample times [s]."""
         return np.ascontiguousarray(self.values[:, 0])

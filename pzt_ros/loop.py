@@ -1,6 +1,7 @@
 """The closed loop in one process, without ROS: the same objects in the same order as the graph.
 
-A test holds the two together, sample for sample. Use it to tune, to benchmark, and wherever a 20 kHz loop must not cross processes.
+A test holds the two together, sample for sample. Use it to tune, to benchmark, and wherever a 20 kHz loop must not
+cross processes.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -74,9 +75,6 @@ def _registry() -> Any:
     return pint.UnitRegistry()
 
 
-_TOO_LARGE = 10**308
-"""An integer in YAML has no limit, a float has."""
-
 _NUMBER_AND_UNIT = re.compile(
     r"(?P<number>[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf))\s*(?P<unit>(?:1\s*/)?[^\d\s,.+*/^-][^,]*|)"
 )
@@ -99,7 +97,7 @@ def to_si(value: Any, unit: str, where: str) -> float:
     if isinstance(value, (int, float)):
         if unit != "1":
             raise BenchError(f"{where}: {value} has no unit; write '{value} {unit}' or another unit of that kind")
-        number = float(value) if abs(value) < _TOO_LARGE else math.inf
+        number = float(value) if abs(value) <= sys.float_info.max else math.inf  # an integer in YAML has no limit
     else:
         number = _parse(value, unit, where)
     if not math.isfinite(number):
@@ -148,7 +146,7 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
     if not isinstance(values, Mapping):
         raise BenchError(f"{where}: expected 'name: value' lines, found {values!r}")
     parameters, choices = parameters_of(cls), choices_of(cls)
-    known = {**parameters, **choices}
+    known: dict[str, Parameter | Choice] = {**parameters, **choices}
     for key in values:
         if key not in known:
             raise BenchError(f"{where}: unknown parameter {key!r}; known are {', '.join(known)}")

@@ -1,8 +1,8 @@
 """Blocks as the bytes that go over the wire (CDR), without a message object in between.
 
-Building and taking apart a Float64MultiArray costs ten times what its numbers cost. All blocks of a topic begin with the same
-bytes, up to the first number: what begins so is read directly, and whatever else a foreign node may send is left to the
-ordinary decoder. A test holds the two together.
+Building and taking apart a Float64MultiArray costs ten times what its numbers cost. All blocks of a topic begin with
+the same bytes, up to the first number: what begins so is read directly, and whatever else a foreign node may send is
+left to the ordinary decoder. A test holds the two together.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -63,7 +64,7 @@ def demo(
     """
     folder = run_folder(out, "demo", overwrite)
     scenario = "demo" if seed is None else str(scenario_with_seed("demo", seed, folder))
-    typer.echo("Poling, then four controllers on the same simulated stage; half a minute or less.", err=True)
+    typer.echo("Poling, then four controllers on the same simulated stage; about half a minute.", err=True)
     run_and_report(scenario, folder, {}, {}, as_json)
 
 
@@ -135,15 +136,18 @@ def run_and_report(
 
 
 def bring_up(scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool]) -> int:
-    """Run the graph in a process of its own, which says itself what is wrong; returns its exit code."""
+    """Run the graph in a process of its own, which says what is wrong; returns its exit code, 1 if killed."""
     command = [sys.executable, "-m", "pzt_bringup", scenario, "--out", str(folder)]
     command += [word for name, value in options.items() if value is not None for word in (name, str(value))]
     command += [name for name, wanted in flags.items() if wanted]
     process = subprocess.Popen(command)
     try:
-        return process.wait()
+        code = process.wait()
     except KeyboardInterrupt:  # the graph heard it, too, and brings the stage to 0 V
-        return process.wait()
+        code = process.wait()
+    if code < 0:
+        typer.echo(f"error: the graph's supervisor was killed by {signal.Signals(-code).name}; its nodes end", err=True)
+    return code if code >= 0 else 1
 
 
 def show(summary: dict[str, Any], page: Path) -> None:

@@ -20,8 +20,8 @@ from pzt_ros.chains import chain_summary, load_chain, save_chain, shipped_chains
 from pzt_ros.errors import BenchError
 from pzt_ros.records import Record, write_table
 
-From = Annotated[float | None, typer.Option("--from", help="first time that counts [s]; the run's start by default")]
-Until = Annotated[float | None, typer.Option("--until", help="last time that counts [s]; the run's end by default")]
+From = Annotated[float | None, typer.Option("--from", help="first time that counts, in s; the run's start by default")]
+Until = Annotated[float | None, typer.Option("--until", help="last time that counts, in s; the run's end by default")]
 AsJson = Annotated[bool, typer.Option("--json", help="for programs")]
 
 
@@ -95,9 +95,11 @@ def fit(
     with _busy(f"fitting {chain.name}") as tell:
         settings = Fit(chain, Span(start, until), progress=lambda n, rms: tell(f"pass {n}, {rms * 1e9:.4g} nm rms"))
         result = settings.fit(records)
-    save_chain(result.model(_command_line()), out)
+    fitted = result.model(_command_line())
+    save_chain(fitted, out)
     if as_json:
-        typer.echo(json.dumps(_finite({"out": str(out), **result.as_data(_command_line())}), indent=1))
+        found = {"out": str(out), **fitted.notes["fit"], "start": fitted.notes["start"]}
+        typer.echo(json.dumps(_finite(found), indent=1))
     else:
         Console().print(result)
         typer.echo(f"model: {out}")

@@ -6,8 +6,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from pzt_ros.physics.chain import Chain, ChainState
-from pzt_ros.physics.signals import Array
+from pzt_ros.physics.signals import Array, Signals
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Controller(ABC):
     """From a block of reference to a block of drive voltage: gains are fields, memory goes in and comes out."""
 
     kind: ClassVar[str]
+    takes_over_smoothly: ClassVar[bool]
+    """Whether its first voltage after `init` continues the one found; otherwise the control loop fades the jump out."""
 
     @abstractmethod
     def init(self, model: Chain, feedback: Feedback) -> Any:
@@ -44,6 +48,21 @@ class Controller(ABC):
     @abstractmethod
     def step(self, model: Chain, state: Any, time: Array, reference: Array, feedback: Feedback) -> tuple[Any, Array]:
         """The voltage across the ceramic [V, shape (n,)] for a block of displacement reference [m] at `time` [s]."""
+
+
+def model_offset(model: Chain, feedback: Feedback) -> float:
+    """What the model reads too much now, against what was asked or else measured [m].
+
+    With this added to its reference, an inverse begins at the voltage found.
+    """
+    _, now = model.step(feedback.model, Signals(feedback.time[-1:], feedback.voltage[-1:]))
+    asked = feedback.measurement.mean() if feedback.reference is None else feedback.reference[-1]
+    return float(now.displacement[-1] - asked)
+
+
+def fade(amount: float, since: Array, duration: float) -> Array:
+    """`amount`, fading as half a cosine over `duration` [s]; `since` is the time from its beginning [s, shape (n,)]."""
+    return amount * 0.5 * (1.0 + np.cos(np.pi * np.clip(since / duration, 0.0, 1.0)))
 
 
 def tracking_error(feedback: Feedback) -> Array:

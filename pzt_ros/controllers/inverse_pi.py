@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pzt_ros.controllers.controller import Controller, Feedback, tracking_error
+from pzt_ros.controllers.controller import Controller, Feedback, model_offset, tracking_error
 from pzt_ros.controllers.inverse import inverse_voltage
 from pzt_ros.controllers.pi import proportional_integral, sample_period
 from pzt_ros.physics.chain import Chain
@@ -15,17 +15,18 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class InversePI(Controller):
-    """A PI controller moves the reference of the inverse, so its gains have no volts in them and the loop gain is even."""
+    """A PI controller moves the reference of the inverse: no volts in its gains, and the loop gain is even."""
 
     kind: ClassVar[str] = "inverse_pi"
+    takes_over_smoothly: ClassVar[bool] = True
 
     proportional_gain: float = parameter(0.0, "1", "share of the error", symbol="Kp", bounds=(0.0, 10.0))
     integral_gain: float = parameter(30.0, "1/s", "share of the error per second", symbol="Ki", bounds=(0.0, 1e5))
     integral_limit: float = parameter(5e-6, "m", "the correction stays within plus and minus this", bounds=(0.0, 1e-3))
 
     def init(self, model: Chain, feedback: Feedback) -> float:
-        """No correction yet [m]; what the model reads wrong now, the hand-over hides until the integral has found it."""
-        return 0.0
+        """No correction yet [m]: the hand-over hides what the model reads wrong until the integral has it."""
+        return model_offset(model, feedback)
 
     def step(
         self, model: Chain, state: float, time: Array, reference: Array, feedback: Feedback

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pzt_ros.controllers.controller import Controller, Feedback
+from pzt_ros.controllers.controller import Controller, Feedback, fade
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR, AMPLIFIER, SENSOR
@@ -19,9 +19,10 @@ from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 class ControlLoop:
     """Turns references into drive, block by block, with whichever controller is active.
 
-    The model's state follows the voltage that was really applied, whoever is in charge, so that a model-based controller can take over at
-    any time. `active` names the controller in charge of displacement references. A reference of voltage goes straight through. When the source of the voltage changes, what would be a jump is
-    added to the new one and fades out over `handover_time`, starting from the voltage found.
+    The model's state follows the voltage that was really applied, whoever is in charge, so that a model-based
+    controller can take over at any time. `active` names the controller in charge of displacement references. A
+    reference of voltage goes straight through. When the source of the voltage changes, what would be a jump is added
+    to the new one and fades out over `handover_time`, unless a controller itself begins at the voltage found.
     """
 
     def __init__(
@@ -88,20 +89,16 @@ class ControlLoop:
         source = VOLTAGE if reference.quantity == VOLTAGE else self.active
         changed = source != self._source
         if source == VOLTAGE:
-            wanted = reference.values
+            smooth, wanted = False, reference.values
         else:
             controller = self.controllers[source]
             if changed:
                 self._state = controller.init(self._model, feedback)
+            smooth = controller.takes_over_smoothly
             self._state, wanted = controller.step(self._model, self._state, reference.time, reference.values, feedback)
         if changed:
-            self._source, self._since = source, 0.0
-            self._jump = float(feedback.voltage[-1] - wanted[0])
-        return wanted + self._handover(reference.time)
-
-    def _handover(self, time: Array) -> Array:
-        """What is left of the jump at the last change of source [V]: it fades as half a cosine."""
-        step = float(time[-1] - time[0]) / (len(time) - 1)
-        since = self._since + step * np.arange(1, len(time) + 1)
-        self._since = float(since[-1])
-        return self._jump * 0.5 * (1.0 + np.cos(np.pi * np.clip(since / self.handover_time, 0.0, 1.0)))
+            self._source, self._since = source, float(feedback.time[-1])
+            self._jump = 0.0 if smooth else float(feedback.voltage[-1] - wanted[0])
+        if not self._jump or reference.time[0] - self._since > self.handover_time:
+            return wanted
+        return wanted + fade(self._jump, reference.time - self._since, self.handover_time)

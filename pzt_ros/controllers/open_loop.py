@@ -16,6 +16,7 @@ class OpenLoop(Controller):
     """A straight line from displacement to voltage."""
 
     kind: ClassVar[str] = "open_loop"
+    takes_over_smoothly: ClassVar[bool] = False
 
     gain: float = parameter(8.0e-8, "m/V", "displacement per volt", bounds=(1e-12, 1e-3))
     voltage_at_zero: float = parameter(0.0, "V", "voltage at zero displacement", bounds=(-1000.0, 1000.0))

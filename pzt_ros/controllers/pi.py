@@ -22,6 +22,7 @@ class PI(Controller):
     """
 
     kind: ClassVar[str] = "pi"
+    takes_over_smoothly: ClassVar[bool] = True
 
     proportional_gain: float = parameter(0.0, "V/m", "volts per metre of error", symbol="Kp", bounds=(0.0, 1e9))
     integral_gain: float = parameter(
@@ -52,7 +53,7 @@ def sample_period(time: Array) -> float:
 def proportional_integral(
     error: Array, integral: float, proportional: float, integral_step: float, limit: float
 ) -> tuple[float, Array]:
-    """The integral after a block of error, and the output over it [shape of `error`]; the integral is held at its limit."""
+    """The integral after a block of error, held at its limit, and the output over the block [shape of `error`]."""
     out = np.empty_like(error)
     for i in range(len(error)):
         integral = min(max(integral + integral_step * error[i], -limit), limit)

@@ -59,7 +59,7 @@ class Experiment:
         if self._block == 0:
             self._start = self._begin(phase, displacement)
         n = self.block_size
-        # The first sample of a phase comes one sample after its start value, so that phases join without a repeated sample.
+        # The first sample of a phase comes one sample after its start value, so that phases join without repeating it.
         since = (self._block * n + np.arange(1, n + 1)) / self.sample_rate
         values = phase.value(self._start, since)
         controller = getattr(phase, "controller", "") if self._block == 0 else ""

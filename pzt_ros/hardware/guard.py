@@ -1,8 +1,8 @@
 """Between a bug and 150 V stands this: everything the amplifier is asked to do passes here first.
 
-It checks every block and trusts nobody. What cannot be (not a number, another shape, out of turn) is refused; what is too
-much (outside the window, too fast) is limited and counted; what is dangerous (too much current, silence, not-a-number) is a fault: the
-voltage is ramped to 0 V at the safe rate, and the fault stays until it is reset.
+It checks every block and trusts nobody. What cannot be (not a number, another shape, out of turn) is refused; what is
+too much (outside the window, too fast) is limited and counted; what is dangerous (too much current, silence,
+not-a-number) is a fault: the voltage is ramped to 0 V at the safe rate, and the fault stays until it is reset.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class GuardedAmplifier:
     """An amplifier driver behind its guards, as a machine of four states.
 
     disabled: 0 V whatever is asked. enabled: follows the commands. ramping: on the way to 0 V, commands are ignored.
-    fault: at 0 V with a reason, until `reset`. The limits are of the stack; a command is the stack's voltage over the driver's gain.
+    fault: at 0 V with a reason, until `reset`. The limits are the stack's; a command is smaller by the driver's gain.
     """
 
     def __init__(self, driver: AmplifierDriver, limits: Limits, sample_rate: float, block_size: int) -> None:
@@ -153,7 +153,7 @@ class GuardedAmplifier:
         self._next += 1
         self._command = float(command[-1])
         peak = float(np.max(np.abs(applied.current)))
-        if self.state == ENABLED and not peak <= self.limits.current:  # a current of NaN is a fault, too
+        if self.state == ENABLED and not peak <= self.limits.current:  # so a current of NaN is a fault
             self.fault(f"current of {1e3 * peak:.1f} mA exceeds the limit of {1e3 * self.limits.current:.1f} mA")
         return applied
 

@@ -15,7 +15,10 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happens in the simulated stage [each of shape (n,)]: time [s], displacement [m], P [C/m^2], x+ [-]."""
+    """What really happens in the simulated stage [each of shape (n,)].
+
+    Attributes: time [s], displacement [m], polarization P [C/m^2], phase fraction x+ [-].
+    """
 
     time: Array
     displacement: Array
@@ -47,9 +50,9 @@ class SimulatedStage:
         return Truth(time, out.displacement, out.polarization, out.phase_fraction)
 
     def discharge(self, time: Array, voltage: float, relay: Relay) -> tuple[Truth, float]:
-        """One block of the stack left alone at `voltage` [V] with the relay's resistor across it; also the voltage left.
+        """One block of the stack left alone at `voltage` [V], the relay's resistor across it.
 
-        Below a millivolt it counts as empty.
+        Also returns the voltage left [V]; below a millivolt the stack counts as empty.
         """
         elapsed = (time[1] - time[0]) * np.arange(1, len(time) + 1)
         left = voltage * np.exp(-elapsed / (relay.resistance * relay.capacitance))
@@ -65,7 +68,7 @@ class SensorDriver(Protocol):
     """The slot for a real displacement sensor."""
 
     def read(self, time: Array, displacement: Array) -> Array:
-        """The readings [m] at the sample times; `displacement` is the true one, which only a simulated sensor looks at."""
+        """The readings [m] at the sample times; only a simulated sensor looks at the true `displacement` [m]."""
 
 
 class SimulatedSensor:

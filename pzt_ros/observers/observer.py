@@ -33,7 +33,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Observer(ABC):
-    """The chain run beside the measurement and pulled towards it: parameters are fields, memory goes in and comes out."""
+    """The chain run beside the measurement and pulled towards it: gains are fields, memory goes in and comes out."""
 
     kind: ClassVar[str]
 

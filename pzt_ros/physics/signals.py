@@ -12,8 +12,8 @@ Array = NDArray[np.float64]
 ABSENT: Array = np.empty(0)
 """Stands where a quantity is not known (yet)."""
 
-REHEARSAL: Array = np.arange(1, 5) * 50e-6
-"""Sample times for a rehearsal: a step whose outcome is thrown away, so that compiled code is ready before the first block."""
+REHEARSAL: Array = np.linspace(50e-6, 200e-6, 4)
+"""Sample times for a rehearsal: a step whose outcome is thrown away, so that compiled code is ready in time."""
 
 
 @dataclass(frozen=True)

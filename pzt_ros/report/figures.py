@@ -59,7 +59,8 @@ def overview(picture: Picture) -> Figure:
         part = last_cycle(row.stretch, picture.data)
         time, difference = picture.data.time[part], (picture.data.reference - picture.data.displacement)[part]
         _line(error, 1e3 * (time - time[0]), 1e9 * difference, picture.colour(row), label)
-    error.set(title="Tracking error over one cycle", xlabel="time in the cycle [ms]", ylabel="error [nm]")
+    what = "cycle" if isinstance(picture.rows[0][1].stretch.phase, Scan) else "phase"
+    error.set(title=f"Tracking error over one {what}", xlabel=f"time in the {what} [ms]", ylabel="error [nm]")
     error.set_xlim(
         0.0, 1e3 * max(_length(last_cycle(row.stretch, picture.data), picture.data) for _, row in picture.rows)
     )
@@ -276,7 +277,7 @@ def _error_dots(axis: Axes, picture: Picture) -> None:
     axis.set(title="RMS error (dot), largest (tick)", xscale="log", xlabel="error [nm]")
     axis.xaxis.set_major_formatter("{x:g}")
     figures = [1e9 * value for _, row in picture.rows for value in (row.judged.rms, row.judged.maximum)]
-    low, high = math.log10(max(0.7 * min(figures), 1e-3)), math.log10(max(1.3 * max(figures), 1e-2))
+    low, high = math.log10(max(0.7 * min(figures), 1e-3)), math.log10(max(1.05 * max(figures), 1e-2))
     axis.set_xlim(10 ** math.floor(low), 10 ** math.ceil(high))
     axis.set_ylim(len(picture.rows) - 0.5, -0.75)
     axis.set_yticks(range(len(picture.rows)), [label for label, _ in picture.rows])

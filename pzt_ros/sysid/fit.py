@@ -20,11 +20,13 @@ from pzt_ros.sysid.parameters import FreeParameter, free_parameters, without_noi
 from pzt_ros.sysid.problem import Problem, distinguishable
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, check_usable, rms
-from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, settle, with_offset
+from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, first_guesses, settle, voltage_bounds, with_offset
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
 _ROUNDS = 3
+_SHORT, _LONG = 12, 100  # steps of the optimizer
+_REFUSED = 1e3  # residual that stands for a refused step, in units of the rms at the start
 _SAMPLES_PER_PARAMETER = 5
 _AT_BOUND = 1e-4  # of the range of a coordinate
 
@@ -57,11 +59,11 @@ class Fit:
         free = free_parameters(self.chain)
         _check_runs(records, self.span, _SAMPLES_PER_PARAMETER * len(free))
         parts = [counted_part(record, self.span, self.most_samples) for record in records]
-        starts = [settle(chain, part, any_scale=True) for part in parts]
-        problem = Problem(chain, free, parts, starts, self.progress)
+        guesses = list(zip(*(first_guesses(chain, part) for part in parts), strict=True))
+        problem = Problem(chain, free, parts, guesses[0], self.progress)
         kept, held = distinguishable(problem) if "free" not in self.chain.notes else (list(free), [])
         problem.free = kept
-        problem, vector = _with_best_histories(problem, _solve(problem))
+        problem, vector = _with_best_histories(*_best_of(problem, guesses))
         return _result(self.chain, problem, vector, held)
 
 
@@ -76,12 +78,29 @@ def _check_runs(records: Sequence[Record], span: Span, least: int) -> None:
         seen[record.sha256] = record.name
 
 
-def _solve(problem: Problem) -> Array:
+def _best_of(problem: Problem, guesses: Sequence[Sequence[Start]]) -> tuple[Problem, Array]:
+    """A short fit from each first guess of the histories, and a whole one from where the best of them came to."""
+    tried = [replace(problem, starts=list(starts)) for starts in guesses]
+    reached = [(each, _solve(each, _SHORT)) for each in tried]
+    best, vector = min(reached, key=lambda pair: rms(np.concatenate(pair[0].residuals(pair[1]))))
+    best = _restarted(best, best.chain_at(vector), best.starts_at(vector))
+    return best, _solve(best, _LONG)
+
+
+def _solve(problem: Problem, most_steps: int) -> Array:
     low, high = problem.bounds
     inside = np.clip(problem.begin, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
-    scale = max(rms(np.concatenate(problem.residuals(inside))), 1e-12)  # so that tolerances mean the same in m and um
+    begin = np.concatenate(problem.residuals(inside))
+    scale = max(rms(begin), 1e-12)  # so that tolerances mean the same in m and um
+
+    def residual(vector: Array) -> Array:
+        try:
+            return np.concatenate(problem.residuals(vector)) / scale
+        except BenchError:  # a link refuses this combination of values: a step too far, to be taken back
+            return np.full(begin.size, _REFUSED)
+
     found = _least_squares(
-        lambda vector: np.concatenate(problem.residuals(vector)) / scale,
+        residual,
         inside,
         jac=lambda vector: np.vstack(problem.jacobians(vector)) / scale,
         bounds=(low, high),
@@ -89,7 +108,7 @@ def _solve(problem: Problem) -> Array:
         xtol=1e-6,
         ftol=1e-7,
         gtol=1e-10,
-        max_nfev=100,
+        max_nfev=most_steps,
     )
     vector: Array = found.x
     return vector
@@ -103,7 +122,7 @@ def _with_best_histories(problem: Problem, vector: Array) -> tuple[Problem, Arra
         tangents = [jacobian[:, :columns] for jacobian in problem.jacobians(vector)]
         pairs = zip(problem.parts, tangents, strict=True)
         problem = _restarted(problem, chain, [settle(chain, part, tangent=tangent) for part, tangent in pairs])
-        vector = _solve(problem)
+        vector = _solve(problem, _LONG)
         if not _is_better(problem, vector, best, best_vector):
             break
         best, best_vector = problem, vector
@@ -182,6 +201,7 @@ def _run_fit(part: CountedPart, start: Start, residual: Array) -> RunFit:
         name=record.name,
         sha256=record.sha256,
         start=start,
+        history_at_bound=_is_at_end(start, record),
         counted_from=float(record.time[part.picks[0]]),
         counted_until=float(record.time[part.end - 1]),
         samples=int(part.picks.size),
@@ -190,3 +210,9 @@ def _run_fit(part: CountedPart, start: Start, residual: Array) -> RunFit:
         noise=floor,
         correlation_time=correlation_length(residual) * step,
     )
+
+
+def _is_at_end(start: Start, record: Record) -> bool:
+    low, high = voltage_bounds(record)
+    margin = _AT_BOUND * (high - low)
+    return any(voltage < low + margin or voltage > high - margin for voltage in start.prior_voltages)

@@ -7,16 +7,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import SENSOR, Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import Parameter, parameters_of
 
+GIVEN = ("gain", "layer_thickness", "electrode_area", "active_length", "temperature", "virgin_amplitude")
+"""Known from a data sheet or an instrument, and without an effect of their own: free only where `free:` names them."""
+
 NUMERICAL = ("accuracy", "spacing", "cut")
 """Settings of a method, not properties of a specimen; a fit leaves them alone, as it does the counts of nodes."""
+
+_LEAST = 1e-9  # of the upper bound: where the logarithm of a parameter that may be 0 ends
 
 
 @dataclass(frozen=True)
@@ -42,27 +45,32 @@ class FreeParameter:
     @property
     def is_log(self) -> bool:
         """Whether it moves by its logarithm."""
-        return self.declared.lower > 0.0
+        return self.declared.lower >= 0.0 and self.value > 0.0
+
+    @property
+    def lowest(self) -> float:
+        """Lower bound of the search [SI]."""
+        return max(self.declared.lower, _LEAST * self.declared.upper) if self.is_log else self.declared.lower
 
     def to_scaled(self, value: float) -> float:
         """SI to the fit's coordinate."""
-        lower, upper = self.declared.lower, self.declared.upper
-        return math.log(value) if self.is_log else (value - lower) / (upper - lower)
+        lower, upper = self.lowest, self.declared.upper
+        return math.log(max(value, lower)) if self.is_log else (value - lower) / (upper - lower)
 
     def to_si(self, scaled: float) -> float:
         """The fit's coordinate to SI, within the bounds whatever rounding does."""
-        lower, upper = self.declared.lower, self.declared.upper
+        lower, upper = self.lowest, self.declared.upper
         value = math.exp(scaled) if self.is_log else lower + scaled * (upper - lower)
         return min(max(value, lower), upper)
 
     def slope(self, value: float) -> float:
         """d(SI)/d(coordinate) at `value` [SI]."""
-        return value if self.is_log else self.declared.upper - self.declared.lower
+        return value if self.is_log else self.declared.upper - self.lowest
 
     @property
     def scaled_bounds(self) -> tuple[float, float]:
         """Bounds of the coordinate."""
-        return self.to_scaled(self.declared.lower), self.to_scaled(self.declared.upper)
+        return self.to_scaled(self.lowest), self.to_scaled(self.declared.upper)
 
 
 def link_names(chain: Chain) -> list[str]:
@@ -89,7 +97,7 @@ def fittable(chain: Chain) -> list[FreeParameter]:
 
 
 def free_parameters(chain: Chain) -> list[FreeParameter]:
-    """The parameters that the chain's `free:` names, or all that can be fitted where it has none.
+    """The parameters that the chain's `free:` names, or all that can be fitted and are not given where it has none.
 
     Raises:
         BenchError: `free` is no list, or names what the chain has not or what cannot be fitted.
@@ -97,7 +105,7 @@ def free_parameters(chain: Chain) -> list[FreeParameter]:
     known = {parameter.name: parameter for parameter in fittable(chain)}
     names = chain.notes.get("free")
     if names is None:
-        return list(known.values())
+        return [parameter for parameter in known.values() if parameter.field not in GIVEN]
     if not isinstance(names, list) or not names:
         raise BenchError(f"{chain.name}: free: {names!r} is not a list of parameters; known are {', '.join(known)}")
     for name in names:
@@ -127,8 +135,3 @@ def without_noise(chain: Chain) -> Chain:
         return dataclasses.replace(link, **changes)
 
     return chain.with_links(quiet)
-
-
-def scaled(parameters: Sequence[FreeParameter], values: Sequence[float]) -> Array:
-    """Coordinates of SI values [shape (n,)]."""
-    return np.array([p.to_scaled(value) for p, value in zip(parameters, values, strict=True)])

@@ -101,12 +101,12 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     base, settle_time = _rule_for_others(chain, record)
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0"
-    if span.start is not None and span.start > record.time[0]:
+    least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
+    if span.start is not None and span.start > least:
         part = Span(None, math.nextafter(span.start, -math.inf))
         rule = f"from the part before {span.start:.6g} s"
     else:
-        least = record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1]
-        end = max(float(record.time[0]) + settle_time, float(least))
+        end = max(float(record.time[0]) + settle_time, least)
         part = Span(None, end)
         rule = f"from the first {end - record.time[0]:.3g} s of the run"
     return settle(model, counted_part(record, part, _MOST_TO_SETTLE), base), rule

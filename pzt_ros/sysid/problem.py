@@ -102,13 +102,22 @@ class Problem:
             up, down = vector.copy(), vector.copy()
             up[column] = min(vector[column] + STEP, high[column])
             down[column] = max(vector[column] - STEP, low[column])
-            if not central and up[column] > vector[column]:
-                down[column] = vector[column]
             for number in self._runs_of(column):
-                above = self.residual_of(number, up)
-                below = self.residual_of(number, down) if down[column] < vector[column] else here[number]
-                found[number][:, column] = (above - below) / (up[column] - down[column])
+                above = self._allowed(number, up)
+                below = self._allowed(number, down) if central or above is None else None
+                left = (here[number], vector) if below is None else (below, down)
+                right = (here[number], vector) if above is None else (above, up)
+                step = right[1][column] - left[1][column]
+                if step > 0.0:
+                    found[number][:, column] = (right[0] - left[0]) / step
         return found
+
+    def _allowed(self, number: int, vector: Array) -> Array | None:
+        """Residual of one run, or None where a link refuses the combination of values."""
+        try:
+            return self.residual_of(number, vector)
+        except BenchError:
+            return None
 
     def _runs_of(self, column: int) -> Sequence[int]:
         """Runs on which a coordinate acts: all for a parameter, its own for a prior reversal."""

@@ -42,6 +42,7 @@ class RunFit:
     Attributes:
         name, sha256: of the record.
         start: history and offset as fitted.
+        history_at_bound: whether a prior reversal ended where the search ends.
         counted_from, counted_until: part that counted [s].
         samples: residuals taken of it.
         rms: of the residual [m].
@@ -53,6 +54,7 @@ class RunFit:
     name: str
     sha256: str
     start: Start
+    history_at_bound: bool
     counted_from: float
     counted_until: float
     samples: int
@@ -158,6 +160,11 @@ class FitResult:
             for run in self.runs
         ]
         lines += [f"{Path(run.name).name}: {run.noise.caveat}" for run in self.runs if run.noise.caveat]
+        for run in self.runs:
+            if run.history_at_bound:
+                lines.append(
+                    f"{Path(run.name).name}: a prior reversal is at the end of its range: as far out or further"
+                )
         for a, b, r in self.strongly_correlated:
             lines.append(f"{a} and {b} go together (r = {r:.3f}): only a combination is known")
         if self.held:
@@ -187,6 +194,7 @@ def _run_as_data(run: RunFit) -> dict[str, Any]:
         "noise_rms_m": run.noise.rms,
         "noise_of_means_m": run.noise.of_means,
         "correlation_time_s": run.correlation_time,
+        "history_at_bound": run.history_at_bound,
     }
 
 

@@ -66,35 +66,37 @@ def voltage_bounds(record: Record) -> tuple[float, float]:
     return low - 0.5 * (high - low), high + 0.5 * (high - low)
 
 
-def settle(
-    chain: Chain,
-    part: CountedPart,
-    base: Start | None = None,
-    any_scale: bool = False,
-    tangent: Array | None = None,
-) -> Start:
+def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
+    """The best of the grid with no, one and two prior reversals, for a chain that is not fitted yet.
+
+    Only the shape of the motion is compared: the scale of such a chain may be far off.
+    """
+    misfit = _misfit_of(chain, part, any_scale=True)
+    leg = typical_leg(part.record)
+    return [Start(leg=leg)] + [_best_of_grid(misfit, part.record, count, leg)[0] for count in range(1, LONGEST + 1)]
+
+
+def settle(chain: Chain, part: CountedPart, base: Start | None = None, tangent: Array | None = None) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
 
     Args:
         chain: with its parameters fixed.
         part: what may be looked at.
         base: history to start from; one without prior reversals where None.
-        any_scale: judge the shape alone, and take as many reversals as fit best; for a chain that is not fitted yet.
         tangent: how the counted samples change with the parameters [shape (n, p)]; a history is then judged by what is
             left when the parameters adapt to it, or those fitted to a wrong history would defend it.
     """
-    misfit = _misfit_of(chain, part, any_scale, tangent)
+    misfit = _misfit_of(chain, part, tangent=tangent)
     leg = typical_leg(part.record)
     best = replace(base, offset=0.0) if base else Start(leg=leg)
+    low, high = voltage_bounds(part.record)
+    if low == high:  # nothing was driven, so no reversal could be told from another
+        return with_offset(chain, part, best)
     best_residual = misfit(best)
     for count in range(1, LONGEST + 1):
-        tried = _best_of_grid(misfit, part.record, count, leg)
-        start = tried[0] if any_scale else _refined(misfit, tried, part.record)
+        start = _refined(misfit, _best_of_grid(misfit, part.record, count, leg), part.record)
         residual = misfit(start)
-        if any_scale:
-            if np.sum(residual**2) < np.sum(best_residual**2):
-                best, best_residual = start, residual
-        elif _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
+        if _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
             best, best_residual = start, residual
     return with_offset(chain, part, best)
 
@@ -105,7 +107,9 @@ def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
     return replace(start, offset=float(np.mean(part.displacement - model.displacement)))
 
 
-def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool, tangent: Array | None) -> Callable[[Start], Array]:
+def _misfit_of(
+    chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None
+) -> Callable[[Start], Array]:
     measured = part.displacement - part.displacement.mean()
     absorbed = np.zeros((measured.size, 0)) if tangent is None else np.linalg.qr(tangent)[0]
 

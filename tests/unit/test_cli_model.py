@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from bag_making import START, block_bytes
 
+from pzt_ros.bags.writer import BagWriter, Qos
+from pzt_ros.blocks import BLOCK_TYPE
 from pzt_ros.chains import load_chain, parse_chain, shipped_chains
 from pzt_ros.cli import main
 from pzt_ros.records import Record, read_csv, write_csv
@@ -179,3 +182,29 @@ def test_a_mistake_ends_in_one_line_and_code_2(
     assert printed.err.count("\n") == 1
     assert not Path("x.csv").exists()
     assert not Path("x.yaml").exists()
+
+
+def test_a_bag_is_the_same_run_as_its_csv(
+    folder: Path,
+    fit_output: dict[str, object],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run = read_csv(folder / "run.csv")
+    with BagWriter(folder / "bag") as writer:
+        for topic, column, values in (
+            ("/stage/applied", "voltage_V", run.voltage),
+            ("/stage/measurement", "displacement_m", run.displacement),
+        ):
+            channel = writer.add_topic(topic, BLOCK_TYPE, Qos(depth=1000))
+            for low in range(0, len(run), 100):
+                block = np.column_stack([run.time[low : low + 100], values[low : low + 100]])
+                writer.write(channel, block_bytes(("time_s", column), block), START + low)
+    words = ("--model", folder / "guess.yaml", "--out", folder / "bag.yaml", "--until", 5, "--json")
+    assert pzt(monkeypatch, "fit", folder / "bag", *words) == 0
+    assert json.loads(capsys.readouterr().out)["parameters"] == fit_output["parameters"]
+    words = ("--model", folder / "model.yaml", "--out", folder / "bag.csv", "--json")
+    assert pzt(monkeypatch, "predict", folder / "bag", *words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["rule"] == "as fitted to this run"
+    assert found["rms_m"] < 1.1 * NOISE

@@ -1,0 +1,278 @@
+"""The amplifier with what hangs on it: the ceramic, and in series the reference capacitor of Sawyer and Tower.
+
+The charge that the ceramic takes decides over the current limit and over the reference capacitor's voltage, and both
+decide over the voltage at the ceramic: within one sample each waits for the other. So this compiled function steps them
+together, with a copy of the ceramic as the load (thesis 2.1.3; docs/decisions/0005).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.extending import overload
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics import parametrized_inverse, parametrized_kernel, polycrystal, polycrystal_kernel
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.linear_response import lag_inverse, lag_step
+from pzt_ros.physics.parametrized import Parametrized
+from pzt_ros.physics.polycrystal import Polycrystal
+from pzt_ros.physics.signals import Array
+
+NO_COMPENSATION, LAST, EXTRAPOLATED = 0, 1, 2
+
+# State: time [s], input of the lag, its output, output of the amplifier [V]; with a load also the voltage across the
+# ceramic [V], its P, P at rest [C/m^2], the capacitor's last two voltages [V], the last step [s], the part of a change of
+# the output that the capacitor takes [-], then the state of the ceramic.
+TIME, INPUT, LAGGED, OUTPUT, BARE = 0, 1, 2, 3, 4
+VOLTAGE, POLARIZATION, AT_REST, REFERENCE, REFERENCE_BEFORE, STEP, SHARE, HEAD = 4, 5, 6, 7, 8, 9, 10, 11
+
+_TOLERANCE = 1e-9  # of the voltages around the loop [V]
+_MOST_TRIALS = 60
+
+
+class Circuit(NamedTuple):
+    """The numbers of the amplifier and of the measuring circuit; 0 stands for no lag, limit or capacitor.
+
+    Attributes:
+        gain: output over command [-].
+        time_constant: of the lag [s].
+        slew_rate, voltage, current, power: largest change [V/s], voltage [V], current [A] and power [W] of the output.
+        elastance: 1/C_r of the reference capacitor [1/F].
+        area: of the ceramic's electrodes [m^2].
+        compensation: NO_COMPENSATION, LAST or EXTRAPOLATED.
+    """
+
+    gain: float
+    time_constant: float
+    slew_rate: float
+    voltage: float
+    current: float
+    power: float
+    elastance: float
+    area: float
+    compensation: int
+
+
+def compiled_form(load: Ferroelectric) -> Any:
+    """The numbers of a ceramic as its compiled functions take them.
+
+    Raises:
+        BenchError: a ceramic that has none here.
+    """
+    if isinstance(load, Polycrystal):
+        return load.elements
+    if isinstance(load, Parametrized):
+        return load.material
+    raise BenchError(f"amplifier: '{load.kind}' cannot be its load; use lattice, quadrature or parametrized")
+
+
+def ceramic_run(state: Array, ceramic: Any, time: Array, voltage: Array, p: Array, x: Array) -> None:
+    """Voltage to polarization, whichever ceramic it is; only within compiled code."""
+    raise NotImplementedError
+
+
+def ceramic_invert(state: Array, ceramic: Any, time: Array, p: Array, voltage: Array, x: Array) -> None:
+    """Polarization to voltage, whichever ceramic it is; only within compiled code."""
+    raise NotImplementedError
+
+
+def _is_polycrystal(ceramic: Any) -> bool:
+    return getattr(ceramic, "instance_class", None) is polycrystal_kernel.Elements
+
+
+@overload(ceramic_run)
+def _ceramic_run(state, ceramic, time, voltage, p, x):  # type: ignore[no-untyped-def]
+    step = polycrystal_kernel.run if _is_polycrystal(ceramic) else parametrized_kernel.run
+
+    def run(state, ceramic, time, voltage, p, x):  # type: ignore[no-untyped-def]
+        step(state, ceramic, time, voltage, p, x)
+
+    return run
+
+
+@overload(ceramic_invert)
+def _ceramic_invert(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
+    limit, tolerance = polycrystal.FIELD_LIMIT, polycrystal.INVERSE_TOLERANCE
+    of_polycrystal, of_parametrized = polycrystal_kernel.run_inverse, parametrized_inverse.run_inverse
+
+    def polycrystal_inverse(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
+        of_polycrystal(state, ceramic, time, p, voltage, x, limit * ceramic.layer_thickness, tolerance)
+
+    def parametrized_inverse_(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
+        of_parametrized(state, ceramic, time, p, voltage, x)
+
+    return polycrystal_inverse if _is_polycrystal(ceramic) else parametrized_inverse_
+
+
+@njit(cache=True)
+def _usable(state: Array, time: float, value: float) -> bool:
+    return time >= state[TIME] and math.isfinite(time) and math.isfinite(value)
+
+
+@njit(cache=True)
+def _output(state: Array, circuit: Circuit, step: float, demand: float) -> float:
+    """What the amplifier puts out for a demand [V], before its load has a say: lag, window, slew limit."""
+    if circuit.time_constant > 0.0:
+        state[LAGGED] = lag_step(state[LAGGED], state[INPUT], demand, step, circuit.time_constant)
+    else:
+        state[LAGGED] = demand
+    state[INPUT] = demand
+    output = state[LAGGED]
+    if circuit.voltage > 0.0:
+        output = min(max(output, -circuit.voltage), circuit.voltage)
+    if circuit.slew_rate > 0.0:
+        most = circuit.slew_rate * step
+        output = min(max(output, state[OUTPUT] - most), state[OUTPUT] + most)
+    return output
+
+
+@njit(cache=True)
+def _demand(state: Array, circuit: Circuit, step: float, output: float) -> float:
+    """The demand for which the lag gives `output` [V]; window and slew limit cannot be undone."""
+    demand = output
+    if circuit.time_constant > 0.0:
+        demand = lag_inverse(output, state[LAGGED], state[INPUT], step, circuit.time_constant)
+    state[INPUT], state[LAGGED], state[OUTPUT] = demand, output, output
+    return demand
+
+
+@njit(cache=True)
+def run_bare(state: Array, circuit: Circuit, time: Array, command: Array, voltage: Array) -> int:
+    """Command to output voltage without a load; `state` moves in place. Returns the first unusable sample, else -1."""
+    for k in range(time.size):
+        if not _usable(state, time[k], command[k]):
+            return k
+        state[OUTPUT] = _output(state, circuit, time[k] - state[TIME], circuit.gain * command[k])
+        state[TIME], voltage[k] = time[k], state[OUTPUT]
+    return -1
+
+
+@njit(cache=True)
+def invert_bare(state: Array, circuit: Circuit, time: Array, voltage: Array, command: Array) -> int:
+    """Output voltage wanted to command; otherwise as `run_bare`."""
+    for k in range(time.size):
+        if not _usable(state, time[k], voltage[k]):
+            return k
+        command[k] = _demand(state, circuit, time[k] - state[TIME], voltage[k]) / circuit.gain
+        state[TIME] = time[k]
+    return -1
+
+
+@njit(cache=True)
+def _compensation(state: Array, circuit: Circuit, step: float) -> float:
+    """What the computer adds to the drive: the capacitor's voltage as last measured, or led on to this sample [V]."""
+    if circuit.compensation == NO_COMPENSATION:
+        return 0.0
+    if circuit.compensation == LAST or state[STEP] <= 0.0:
+        return state[REFERENCE]
+    return state[REFERENCE] + (state[REFERENCE] - state[REFERENCE_BEFORE]) * step / state[STEP]
+
+
+@njit(cache=True)
+def _measured(state: Array, circuit: Circuit, time: float, voltage: float, polarization: float) -> None:
+    """Keep what a sample ends with."""
+    reference = circuit.elastance * circuit.area * (polarization - state[AT_REST])
+    state[REFERENCE_BEFORE], state[REFERENCE] = state[REFERENCE], reference
+    state[STEP], state[TIME] = time - state[TIME], time
+    state[VOLTAGE], state[POLARIZATION], state[OUTPUT] = voltage, polarization, voltage + reference
+
+
+@njit(cache=True)
+def _shared_out(state, circuit, ceramic, trial, one, output):  # type: ignore[no-untyped-def]
+    """Voltage of the ceramic and its polarization when the output is divided between ceramic and capacitor.
+
+    The share that the capacitor takes is nearly the same from sample to sample, so that two or three trials do.
+    """
+    time, v, p, x = one
+    share = state[SHARE]
+    voltage = (output - state[REFERENCE] + share * state[VOLTAGE]) / (1.0 + share)
+    before, voltage_before = 0.0, 0.0
+    for n in range(_MOST_TRIALS):
+        trial[:] = state[HEAD:]
+        v[0] = voltage
+        ceramic_run(trial, ceramic, time, v, p, x)
+        reference = circuit.elastance * circuit.area * (p[0] - state[AT_REST])
+        miss = voltage + reference - output
+        if abs(miss) <= _TOLERANCE * (1.0 + share):
+            break
+        if n > 0 and abs(voltage - voltage_before) > 1e3 * _TOLERANCE:
+            share = max((reference - before) / (voltage - voltage_before), 0.0)
+        before, voltage_before = reference, voltage
+        voltage -= miss / (1.0 + share)
+    state[SHARE] = share
+    return voltage, p[0]
+
+
+@njit(cache=True)
+def run_loaded(state, circuit, ceramic, time, command, voltage):  # type: ignore[no-untyped-def]
+    """Command to the voltage across the ceramic; `state` moves in place. Returns the first unusable sample, else -1.
+
+    Where the charge of a sample would take more than the current or power limit, the ceramic gets the charge that the
+    limit allows: its own inverse says at which voltage.
+    """
+    trial = np.empty(state.size - HEAD)
+    one = (np.empty(1), np.empty(1), np.empty(1), np.empty(1))
+    for k in range(time.size):
+        if not _usable(state, time[k], command[k]):
+            return k
+        step = time[k] - state[TIME]
+        demand = circuit.gain * command[k] + _compensation(state, circuit, step)
+        output = _output(state, circuit, step, demand)
+        one[0][0] = time[k]
+        v, p = _shared_out(state, circuit, ceramic, trial, one, output)
+        most = circuit.current if circuit.current > 0.0 else math.inf
+        if circuit.power > 0.0:
+            most = min(most, circuit.power / max(abs(output), 1e-3))
+        way = p - state[POLARIZATION]
+        if abs(way) * circuit.area > most * step:
+            p = state[POLARIZATION] + math.copysign(most * step / circuit.area, way)
+            trial[:] = state[HEAD:]
+            one[2][0] = p
+            ceramic_invert(trial, ceramic, one[0], one[2], one[1], one[3])
+            v = one[1][0]
+        state[HEAD:] = trial
+        _measured(state, circuit, time[k], v, p)
+        voltage[k] = v
+    return -1
+
+
+@njit(cache=True)
+def invert_loaded(state, circuit, ceramic, time, voltage, command):  # type: ignore[no-untyped-def]
+    """Voltage wanted across the ceramic to command; otherwise as `run_loaded`. Limits cannot be undone."""
+    p, x = np.empty(1), np.empty(1)
+    for k in range(time.size):
+        if not _usable(state, time[k], voltage[k]):
+            return k
+        step = time[k] - state[TIME]
+        ceramic_run(state[HEAD:], ceramic, time[k : k + 1], voltage[k : k + 1], p, x)
+        reference = circuit.elastance * circuit.area * (p[0] - state[AT_REST])
+        compensation = _compensation(state, circuit, step)
+        command[k] = (_demand(state, circuit, step, voltage[k] + reference) - compensation) / circuit.gain
+        _measured(state, circuit, time[k], voltage[k], p[0])
+    return -1
+
+
+@njit(cache=True)
+def _run_discharge(state, circuit, ceramic, resistance, time, voltage, polarization):  # type: ignore[no-untyped-def]
+    """A resistor's voltage is its mean current times R: a capacitor of h/R that is empty at each sample's start."""
+    trial = np.empty(state.size - HEAD)
+    one = (np.empty(1), np.empty(1), np.empty(1), np.empty(1))
+    for k in range(time.size):
+        if not _usable(state, time[k], 0.0):
+            return k
+        voltage[k], polarization[k] = state[VOLTAGE], state[POLARIZATION]
+        step = time[k] - state[TIME]
+        if step == 0.0:
+            continue
+        state[AT_REST] = state[POLARIZATION]
+        one[0][0] = time[k]
+        through = circuit._replace(elastance=resistance / step)
+        v, p = _shared_out(state, through, ceramic, trial, one, 0.0)
+        state[HEAD:] = trial
+        state[TIME], state[VOLTAGE], state[POLARIZATION] = time[k], v, p
+        voltage[k], polarization[k] = v, p
+    return -1

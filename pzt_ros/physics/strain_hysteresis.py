@@ -1,0 +1,84 @@
+"""From polarization to displacement where strain over polarization is a loop (thesis 2.2.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from pzt_ros.physics.link import ACTUATOR, Link, State
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.quantities import parameter
+
+_SEEN, _POLARIZATION, _TURN, _SIZE = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrainHysteresis(Link):
+    """Strain as the square of a polarization that leads: S = zeta (P + delta s)^2; stands in place of electrostriction.
+
+    A reversal by 180 degrees is two steps of 90 degrees (thesis 2.2.2, its reference 48). It is the 90-degree steps that
+    strain, and they come first: over the first stretch after a turn of the polarization strain changes by more than its
+    share, until as many domains leave the intermediate state as enter it. So strain is that of a polarization ahead by
+    delta, up or down. The sign s runs from -1 to 1 with P over the turn width and stays there until P turns (the stop
+    operator, the complement of the play operator): rate-independent, as the thesis saw it at 0.1 and 1 Hz. With
+    delta = 0 the link is electrostriction to the bit.
+    """
+
+    kind: ClassVar[str] = "strain_hysteresis"
+    section: ClassVar[str] = ACTUATOR
+
+    coefficient: float = parameter(0.02293, "m^4/C^2", "strain over P^2", symbol="zeta", bounds=(1e-6, 1e3))
+    active_length: float = parameter(8e-3, "m", "layers times their thickness", bounds=(1e-6, 1.0))
+    polarization_lead: float = parameter(
+        0.0, "C/m^2", "polarization by which strain is ahead; 0 for no loop", symbol="delta", bounds=(0.0, 1.0)
+    )
+    turn_width: float = parameter(
+        0.05, "C/m^2", "change of P after a turn until strain is ahead again", symbol="w", bounds=(1e-6, 10.0)
+    )
+
+    def init(self, rest: Rest) -> State:
+        """Whether a sample was seen, the last P [C/m^2], and how far the turn has come, from -w/2 to w/2 [C/m^2]."""
+        return np.zeros(_SIZE)
+
+    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Polarization to displacement."""
+        after, leading = state.copy(), np.empty_like(signals.polarization)
+        _lead(after, signals.polarization, leading, *self._shape)
+        return after, signals.replace(displacement=self.coefficient * self.active_length * leading**2)
+
+    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Displacement to polarization, on the positive branch that a poled actuator works on."""
+        square = signals.displacement / (self.coefficient * self.active_length)
+        leading = np.sqrt(np.maximum(square, 0.0))
+        after, polarization = state.copy(), np.empty_like(leading)
+        _unlead(after, leading, polarization, *self._shape)
+        return after, signals.replace(polarization=polarization)
+
+    @property
+    def _shape(self) -> tuple[float, float]:
+        """How much strain leads per turn [-], and how far a turn goes [C/m^2]."""
+        return 2.0 * self.polarization_lead / self.turn_width, 0.5 * self.turn_width
+
+
+@njit(cache=True)
+def _lead(state: Array, polarization: Array, leading: Array, gain: float, most: float) -> None:
+    for k in range(polarization.size):
+        change = polarization[k] - state[_POLARIZATION] if state[_SEEN] else 0.0
+        state[_TURN] = min(max(state[_TURN] + change, -most), most)
+        state[_SEEN], state[_POLARIZATION] = 1.0, polarization[k]
+        leading[k] = polarization[k] + gain * state[_TURN]
+
+
+@njit(cache=True)
+def _unlead(state: Array, leading: Array, polarization: Array, gain: float, most: float) -> None:
+    """The exact inverse: within a turn the leading polarization moves by 1 + gain, beyond it as P does."""
+    for k in range(leading.size):
+        change = 0.0
+        if state[_SEEN]:
+            change = (leading[k] - state[_POLARIZATION] - gain * state[_TURN]) / (1.0 + gain)
+        state[_TURN] = min(max(state[_TURN] + change, -most), most)
+        polarization[k] = leading[k] - gain * state[_TURN]
+        state[_SEEN], state[_POLARIZATION] = 1.0, polarization[k]
