@@ -26,7 +26,9 @@ def main(names: list[str]) -> None:
         tables.append(BENCHMARKS[name]().markdown())
         print(tables[-1])
     if not names:
-        head = f"# Performance\n\nWritten by `make bench`: {provenance()}. Two cores shared with others: ratios in one run count.\n"
+        head = (
+            f"# Performance\n\nWritten by `make bench`: {provenance()}. Ratios in one run count, times mean little.\n"
+        )
         PAGE.write_text("\n".join([head, *tables]), encoding="utf-8")
 
 

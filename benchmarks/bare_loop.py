@@ -20,13 +20,14 @@ SAMPLES = 100
 def serve(index: int, hops: int, ticks: int, period: float, composed: bool) -> None:
     """Be one node of the ring, or all of them; node 0 starts the rounds and prints how long they took [us]."""
     import rclpy
-    from pzt_ros.wire import encode
     from rclpy.executors import ExternalShutdownException
     from rclpy.experimental import EventsExecutor
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
     from rclpy.task import Future
     from std_msgs.msg import Float64MultiArray
+
+    from pzt_ros.wire import encode
 
     rclpy.init()
     executor, done = EventsExecutor(), Future()
@@ -57,7 +58,9 @@ def serve(index: int, hops: int, ticks: int, period: float, composed: bool) -> N
         if number == 0:
 
             def start() -> None:
-                ready = all(node.count_publishers(f"ring{n}") and node.count_subscribers(f"ring{n}") for n in range(hops))
+                ready = all(
+                    node.count_publishers(f"ring{n}") and node.count_subscribers(f"ring{n}") for n in range(hops)
+                )
                 if ready and not sent[0]:
                     sent[0] = time.perf_counter()
                     publisher.publish(data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 from collections.abc import Sequence
@@ -28,4 +29,5 @@ class Table:
 def provenance() -> str:
     """Machine, commit and day of a measurement, in one line."""
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False)
-    return f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, commit {commit.stdout.strip()}, {date.today()}"
+    machine, python = platform.machine(), platform.python_version()
+    return f"{os.cpu_count()} cores {machine}, Python {python}, commit {commit.stdout.strip()}, {date.today()}"

@@ -1,4 +1,4 @@
-"""One closed-loop tick of the whole graph: free-running and paced, separate processes and composed, beside a bare ring."""
+"""One closed-loop tick of the whole graph: free-running and paced, separate and composed, beside a bare ring."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pzt_bringup.domain import take_domain
-from pzt_ros.bags.reader import open_bag
 
 from benchmarks.bare_loop import run_ring
 from benchmarks.table import Table
+from pzt_bringup.domain import take_domain
+from pzt_ros.bags.reader import open_bag
 
 BLOCK_PERIOD = 5e-3
 """100 samples at 20 kHz [s]."""
@@ -33,7 +33,15 @@ class Measured:
     def row(self, name: str, floor: float) -> tuple[str, ...]:
         """One row of the table."""
         pace = f"{self.per_second * BLOCK_PERIOD:.1f}"
-        return (name, f"{self.median:.0f}", f"{self.p99:.0f}", f"{self.per_second:.0f}", pace, self.late, f"{self.median / floor:.2f}")
+        return (
+            name,
+            f"{self.median:.0f}",
+            f"{self.p99:.0f}",
+            f"{self.per_second:.0f}",
+            pace,
+            self.late,
+            f"{self.median / floor:.2f}",
+        )
 
 
 def measure_graph(composed: bool, paced: bool) -> Measured:
@@ -76,8 +84,8 @@ def measure() -> Table:
         "One closed-loop tick (100 samples at 20 kHz)",
         ("layout", "median us", "99 % us", "ticks/s", "x real time", "late", "x bare ring of 4"),
         rows,
-        "A tick of the graph is the time from the plant's `truth` to the `applied` that answers it: sensor, observer, controller and"
-        " amplifier with all their physics, five hops with the plant's own, recorder and experiment running beside. A bare ring hands"
-        " on the same bytes and does nothing else. Free-running ticks a second include the plant; poling and all four phases of the"
-        " scenario `scan` are in it.",
+        "A tick of the graph is the time from the plant's `truth` to the `applied` that answers it: sensor, observer,"
+        " controller and amplifier with all their physics, five hops with the plant's own, recorder and experiment"
+        " running beside. A bare ring hands on the same bytes and does nothing else. Free-running ticks a second"
+        " include the plant, and every phase of the scenario.",
     )

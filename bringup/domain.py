@@ -40,7 +40,8 @@ def take_domain(wanted: int | None) -> DomainLock:
         lock = _lock(wanted)
         if lock is None:
             raise BenchError(
-                f"ROS domain {wanted} is in use: another bringup{_holder(wanted)} runs in it; stop it or choose another --domain"
+                f"ROS domain {wanted} is in use: another bringup{_holder(wanted)} runs in it;"
+                " stop it or choose another --domain"
             )
         return lock
     # Not the one of a moment ago: participants that died uncleanly haunt a domain for seconds.

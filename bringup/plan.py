@@ -78,6 +78,9 @@ def prepare(plan: Plan) -> None:
         (plan.folder / "log").mkdir(parents=True, exist_ok=True)
         plan.parameter_file.write_text(yaml.safe_dump(node_parameters(plan), sort_keys=False), encoding="utf-8")
         shutil.copyfile(plan.scenario.source, plan.folder / "scenario.yaml")
+        for chain in {plan.scenario.plant, plan.scenario.model}:
+            if Path(chain).exists():  # not a shipped one: the scenario's copy finds it beside itself
+                shutil.copyfile(chain, plan.folder / Path(chain).name)
         (plan.folder / "run.json").write_text(json.dumps(_provenance(plan), indent=1), encoding="utf-8")
     except OSError as error:
         raise BenchError(f"run folder {plan.folder} cannot be written: {error.strerror}") from None

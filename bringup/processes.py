@@ -23,7 +23,7 @@ class ProcessRow:
 
 
 SEPARATE = tuple(ProcessRow(node, f"pzt_nodes.{node}_node", (node,)) for node in NODES)
-"""One process per node, in the order of starting: the recorder first, so that it misses nothing, the experiment last."""
+"""One process per node, in the order of starting: the recorder first, to miss nothing, the experiment last."""
 
 COMPOSED = (ProcessRow("graph", "pzt_nodes.composed", NODES),)
 """All nodes in one process."""

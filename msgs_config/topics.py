@@ -1,7 +1,7 @@
 """The topic table: every topic of the graph, once.
 
-Names are relative to the axis namespace (`/stage` by default). A block is a `std_msgs/Float64MultiArray` whose layout names its
-columns (docs/topics.md). Publishers and subscribers are the nodes of the graph; anybody else may join.
+Names are relative to the axis namespace (`/stage` by default). A block is a `std_msgs/Float64MultiArray` whose layout
+names its columns (docs/topics.md). Publishers and subscribers are the nodes of the graph; anybody else may join.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ TOPICS: dict[str, Topic] = {
         Topic("reference", BLOCK, "experiment", ("controller",), ("time_s", "displacement_m"),
               description="displacement asked of the next block"),
         Topic("voltage_reference", BLOCK, "experiment", ("controller",), ("time_s", "voltage_V"),
-              description="drive voltage asked of the next block, instead of a displacement (poling, characterisation)"),
+              description="drive voltage asked of the next block, instead of a displacement (poling)"),
         Topic("drive", BLOCK, "controller", ("amplifier",), ("time_s", "command_voltage_V"),
               description="command to the amplifier for the next block"),
         Topic("applied", BLOCK, "amplifier", ("plant", "observer", "controller"),

@@ -1,4 +1,4 @@
-"""The amplifier driver: takes `drive`, says `applied`; the only node that can move the stage, and the one that makes it safe."""
+"""The amplifier driver: takes `drive`, says `applied`; the only node that moves the stage, and makes it safe."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from pzt_ros.hardware.guard import DISABLED, ENABLED, FAULT, RAMPING, GuardedAmp
 class AmplifierNode(GraphNode):
     """A guarded amplifier behind topics and services.
 
-    Enabling puts out the first block, and with it the beat of a lock-step graph begins. The watchdog and the ramp to 0 V run on the
-    wall clock, in a simulation too: a tick that never comes must not leave 150 V on the stack.
+    Enabling puts out the first block, and with it the beat of a lock-step graph begins. The watchdog and the ramp to
+    0 V run on the wall clock, in a simulation too: a tick that never comes must not leave 150 V on the stack.
     """
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 
 
 class ControllerNode(GraphNode):
-    """All controllers of the table; the parameter `controller` says which is in charge, and may be set while running."""
+    """All controllers of the table; the parameter `controller` says which is in charge, and may be set in a run."""
 
     def __init__(self) -> None:
         super().__init__("controller")

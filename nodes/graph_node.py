@@ -74,7 +74,7 @@ class GraphNode(Node):
         return self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic))
 
     def listen(self, name: str, callback: Callable[[Block], None]) -> None:
-        """Call `callback` with every block on a topic; what is no block with the table's columns is counted and dropped."""
+        """Call `callback` with every block on a topic; what is no block as the table has it is counted and dropped."""
         topic = TOPICS[name]
 
         def receive(data: bytes) -> None:
@@ -119,10 +119,11 @@ class GraphNode(Node):
 
     def missing(self) -> list[str]:
         """What this node still waits for before a run can start: unmatched topics."""
-        waits = []
-        for topic in subscribed_by(self.role):
-            if topic.publisher in self.peers and self.count_publishers(topic.name) == 0:
-                waits.append(f"no publisher on {topic.name}")
+        waits = [
+            f"no publisher on {topic.name}"
+            for topic in subscribed_by(self.role)
+            if topic.publisher in self.peers and self.count_publishers(topic.name) == 0
+        ]
         for topic in published_by(self.role):
             if topic.publisher == "*":
                 continue
@@ -172,7 +173,7 @@ class GraphNode(Node):
         self._report()
 
     def stop(self) -> None:
-        """Asked to stop (Ctrl-C, or another node of the process finished): a node that has to tidy up first overrides this."""
+        """Asked to stop (Ctrl-C, or the run is over): a node that has to tidy up first overrides this."""
         self.finish()
 
     def close(self) -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from operator import itemgetter
 from typing import Any
 
+from rclpy.node import Node
+from std_srvs.srv import SetBool
+
 from pzt_config.qos import QOS
 from pzt_config.topics import Topic, subscribed_by
 from pzt_nodes.graph_node import GraphNode
@@ -13,8 +16,6 @@ from pzt_nodes.parameters import declare_text
 from pzt_nodes.spin import main as run_node
 from pzt_ros.bags.writer import BagWriter
 from pzt_ros.errors import RunFailedError
-from rclpy.node import Node
-from std_srvs.srv import SetBool
 
 DRAIN_PERIOD = 0.05
 """The queues are emptied into the bag this often [s]; a crash loses no more than this."""
@@ -23,9 +24,9 @@ DRAIN_PERIOD = 0.05
 class RecorderNode(GraphNode):
     """Records from the start; `record` pauses and goes on.
 
-    Its subscriptions belong to a node that no executor spins: they are read from a timer, many messages at a time, because
-    waking up for each of them costs as much as all the rest of the recorder. DDS keeps them meanwhile (depth 1000), and
-    says when each was sent and received.
+    Its subscriptions belong to a node that no executor spins: they are read from a timer, many messages at a time,
+    because waking up for each of them costs as much as all the rest of the recorder. DDS keeps them meanwhile (depth
+    1000), and says when each was sent and received.
     """
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
 """How nodes are spun and stopped: the events executor with finite deadlines, and a way out that leaves nothing behind.
 
-EventsExecutor.spin() without a deadline hangs in the Jazzy wheels, and a node that is not destroyed haunts the discovery of the
-next one for seconds; docs/decisions/0003 has the measurements.
+EventsExecutor.spin() without a deadline hangs in the Jazzy wheels, and a node that is not destroyed haunts the
+discovery of the next one for seconds; docs/decisions/0003 has the measurements.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def run(makes: Sequence[Callable[[], GraphNode]]) -> int:
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for make in makes:
-            nodes.append(make())
+            nodes.append(make())  # noqa: PERF401 - if the next one fails, this one is still closed
         return _spin(nodes, asked)
     except (BenchError, InvalidParameterValueException, InvalidParameterTypeException) as error:
         print(f"error: {_one_line(error)}", file=sys.stderr)

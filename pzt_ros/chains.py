@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from pzt_ros.effects.table import EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
@@ -21,9 +22,10 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.quantities import build, choices_of, parameters_of, to_text
 
 LINKS: dict[str, type[Link]] = {
-    link.kind: link for link in (Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor)
+    link.kind: link
+    for link in (Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor, *EFFECTS)
 }
-"""Every link a chain file may name; a new one is one line here."""
+"""Every link a chain file may name: those every stage has, and the optional ones of `pzt_ros.effects.table`."""
 
 _NOTES = ("description", "source", "free", "fit", "start")
 """What a chain file may say beside its links.

@@ -14,7 +14,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics import sawyer_tower as circuit
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import AMPLIFIER, Link, State, no_state
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import choice, parameter
 
 COMPENSATIONS = {"none": circuit.NO_COMPENSATION, "last": circuit.LAST, "extrapolated": circuit.EXTRAPOLATED}
@@ -44,7 +44,9 @@ class Amplifier(Link):
         0.0, "F", "Sawyer-Tower capacitor in series with the ceramic; 0 for none", symbol="C_r", bounds=(0.0, 1.0)
     )
     compensation: str = choice(
-        "none", tuple(COMPENSATIONS), "what the computer adds to the drive for the capacitor: its voltage as last measured"
+        "none",
+        tuple(COMPENSATIONS),
+        "what the computer adds to the drive for the capacitor: its voltage as last measured",
     )
     load: Ferroelectric | None = dataclasses.field(default=None, compare=False, repr=False)
 

@@ -182,7 +182,7 @@ def _measured(state: Array, circuit: Circuit, time: float, voltage: float, polar
 
 
 @njit(cache=True)
-def _shared_out(state, circuit, ceramic, trial, one, output):  # type: ignore[no-untyped-def]
+def _shared_out(state, elastance, area, ceramic, trial, one, output):  # type: ignore[no-untyped-def]
     """Voltage of the ceramic and its polarization when the output is divided between ceramic and capacitor.
 
     The share that the capacitor takes is nearly the same from sample to sample, so that two or three trials do.
@@ -195,7 +195,7 @@ def _shared_out(state, circuit, ceramic, trial, one, output):  # type: ignore[no
         trial[:] = state[HEAD:]
         v[0] = voltage
         ceramic_run(trial, ceramic, time, v, p, x)
-        reference = circuit.elastance * circuit.area * (p[0] - state[AT_REST])
+        reference = elastance * area * (p[0] - state[AT_REST])
         miss = voltage + reference - output
         if abs(miss) <= _TOLERANCE * (1.0 + share):
             break
@@ -223,7 +223,7 @@ def run_loaded(state, circuit, ceramic, time, command, voltage):  # type: ignore
         demand = circuit.gain * command[k] + _compensation(state, circuit, step)
         output = _output(state, circuit, step, demand)
         one[0][0] = time[k]
-        v, p = _shared_out(state, circuit, ceramic, trial, one, output)
+        v, p = _shared_out(state, circuit.elastance, circuit.area, ceramic, trial, one, output)
         most = circuit.current if circuit.current > 0.0 else math.inf
         if circuit.power > 0.0:
             most = min(most, circuit.power / max(abs(output), 1e-3))
@@ -257,22 +257,49 @@ def invert_loaded(state, circuit, ceramic, time, voltage, command):  # type: ign
 
 
 @njit(cache=True)
-def _run_discharge(state, circuit, ceramic, resistance, time, voltage, polarization):  # type: ignore[no-untyped-def]
-    """A resistor's voltage is its mean current times R: a capacitor of h/R that is empty at each sample's start."""
+def _run_discharge(state, resistance, area, ceramic, time, voltage, polarization):  # type: ignore[no-untyped-def]
+    """A resistor R takes in a step h what a capacitor of h/R takes that is empty at each sample's start."""
     trial = np.empty(state.size - HEAD)
     one = (np.empty(1), np.empty(1), np.empty(1), np.empty(1))
     for k in range(time.size):
         if not _usable(state, time[k], 0.0):
             return k
-        voltage[k], polarization[k] = state[VOLTAGE], state[POLARIZATION]
         step = time[k] - state[TIME]
-        if step == 0.0:
-            continue
-        state[AT_REST] = state[POLARIZATION]
-        one[0][0] = time[k]
-        through = circuit._replace(elastance=resistance / step)
-        v, p = _shared_out(state, through, ceramic, trial, one, 0.0)
-        state[HEAD:] = trial
-        state[TIME], state[VOLTAGE], state[POLARIZATION] = time[k], v, p
-        voltage[k], polarization[k] = v, p
+        if step > 0.0:
+            state[AT_REST] = state[POLARIZATION]
+            one[0][0] = time[k]
+            v, p = _shared_out(state, resistance / step, area, ceramic, trial, one, 0.0)
+            state[HEAD:] = trial
+            state[TIME], state[VOLTAGE], state[POLARIZATION] = time[k], v, p
+        voltage[k], polarization[k] = state[VOLTAGE], state[POLARIZATION]
     return -1
+
+
+def discharge(
+    load: Ferroelectric, memory: Array, start: tuple[float, float, float], time: Array, resistance: float = 10e3
+) -> tuple[Array, Array, Array]:
+    """A ceramic that is left alone with a resistor across it, as the thesis' relays do (2.1.3; 10 kOhm).
+
+    The charge leaves at the mean current of each sample step (backward Euler), so samples set the accuracy.
+
+    Args:
+        load, memory: the ceramic and its state.
+        start: time [s], voltage [V] and polarization [C/m^2] of the last sample before.
+        time: sample times [s].
+        resistance: [ohm].
+
+    Returns:
+        the ceramic's state after, its voltage [V] and polarization [C/m^2].
+
+    Raises:
+        BenchError: time that runs back, or a ceramic that cannot be run here.
+    """
+    head = np.zeros(HEAD)
+    head[[TIME, VOLTAGE, POLARIZATION]] = start
+    state = np.concatenate((head, memory))
+    voltage, polarization = np.empty_like(time), np.empty_like(time)
+    numbers = compiled_form(load)
+    bad = _run_discharge(state, resistance, load.electrode_area, numbers, time, voltage, polarization)
+    if bad >= 0:
+        raise BenchError(f"discharge: time {time[bad]:.9g} s at sample {bad} is not after the one before; sort it")
+    return state[HEAD:], voltage, polarization

@@ -15,7 +15,6 @@ from pzt_ros.physics.link import SENSOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
-
 _SAMPLE, _SEED, _SEEN, _TIME, _INPUT, _OUTPUT, _NEXT, _HEAD = 0, 1, 2, 3, 4, 5, 6, 7
 
 

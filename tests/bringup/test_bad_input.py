@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from pzt_bringup.domain import take_domain
 from pzt_ros.errors import BenchError
 

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Any
 
 import psutil
+
 from pzt_bringup.domain import take_domain
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -35,7 +36,16 @@ class GraphProcess:
     def __init__(self, scenario: Path | str, folder: Path, *options: str) -> None:
         self.folder = folder
         self.domain = free_domain()
-        command = [sys.executable, "-m", "pzt_bringup", str(scenario), "--out", str(folder), "--domain", str(self.domain)]
+        command = [
+            sys.executable,
+            "-m",
+            "pzt_bringup",
+            str(scenario),
+            "--out",
+            str(folder),
+            "--domain",
+            str(self.domain),
+        ]
         self.process = subprocess.Popen(
             [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
         )

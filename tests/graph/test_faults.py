@@ -1,4 +1,4 @@
-"""A node is killed, the user presses Ctrl-C, the supervisor itself is killed: the stage goes to 0 V and nothing is left."""
+"""A node is killed, Ctrl-C is pressed, the supervisor is killed: the stage goes to 0 V and nothing is left."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import psutil
 import pytest
 from foreign_node import ForeignNode
 from graph_process import GraphProcess, alive, wait_until
+from scenarios import LONG_HOLD, write
+from std_msgs.msg import Float64MultiArray
+
 from pzt_config.topics import NODES
 from pzt_ros.bags.reader import open_bag
 from pzt_ros.hardware.guard import Limits
-from scenarios import LONG_HOLD, write
-from std_msgs.msg import Float64MultiArray
 
 
 def wait_for_voltage(graph: GraphProcess) -> list[psutil.Process]:
@@ -54,7 +55,9 @@ def check_bag(graph: GraphProcess, victim: str) -> None:
     step = np.abs(np.diff(applied["voltage_V"]))
     assert step.max() <= Limits().slew_rate / 20e3 * (1 + 1e-9)
     last_command = max(when for when, _ in bag.messages("/stage/drive"))
-    at_zero = [when for when, message in bag.messages("/stage/applied") if message.data[-3] == 0.0 and when > last_command]
+    at_zero = [
+        when for when, message in bag.messages("/stage/applied") if message.data[-3] == 0.0 and when > last_command
+    ]
     assert (at_zero[0] - last_command) * 1e-9 <= Limits().declared_safe_time
 
 

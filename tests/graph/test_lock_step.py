@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from graph_process import GraphProcess
 from numpy.typing import NDArray
+from scenarios import SHORT, write
+
 from pzt_config.topics import TOPICS
 from pzt_ros.bags.reader import open_bag
 from pzt_ros.loop import Tick, run_in_process
 from pzt_ros.scenario import load_scenario
-from scenarios import SHORT, write
 
 BLOCKS = tuple(topic for topic in TOPICS.values() if topic.is_block)
 Streams = dict[str, NDArray[np.float64]]

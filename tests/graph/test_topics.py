@@ -12,12 +12,13 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from foreign_node import ForeignNode
 from graph_process import GraphProcess
-from pzt_config.qos import QOS
-from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE, NODES, TOPICS
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from scenarios import SHORT, write
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
+
+from pzt_config.qos import QOS
+from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE, NODES, TOPICS
 
 TYPES = {BLOCK: Float64MultiArray, JOINT_STATE: JointState, FLOAT: Float64, DIAGNOSTICS: DiagnosticArray}
 SAMPLE_RATE, BLOCK_SIZE, LENGTH = 20e3, 100, 2.5

@@ -90,7 +90,7 @@ def test_what_is_no_quantity_is_refused(value: Any, unit: str, found: str) -> No
 
 
 @pytest.mark.parametrize(
-    "text", ["1,5 V", "1,500 V", "1 000 V", "3 V + 2 V", "2**3 V", "2 * 3 V", "1_0 V", "5 1 V", "V 5"]
+    "text", ["1,5 V", "1,500 V", "1 000 V", "3 V + 2 V", "2**3 V", "2 * 3 V", "1_0 V", "5 1 V", "V 5", "15 V,"]
 )
 def test_text_that_pint_would_calculate_with_is_refused(text: str) -> None:
     """Pint drops commas and does sums: a German 1,5 V would put 15 V on the stack."""

@@ -25,6 +25,9 @@ def test_noise_is_white_and_normal(seed: int) -> None:
     assert abs(np.mean(noise**4) - 3.0) < SIGMAS * math.sqrt(96 / COUNT)  # var(x^4) = 105 - 9
     for lag in (1, 2, 3, 7, 100):
         assert abs(np.mean(noise[lag:] * noise[:-lag])) < SIGMAS / math.sqrt(COUNT - lag), lag
+        # squares, too: a generator that uses a number twice is uncorrelated and yet not independent
+        squares = (noise[lag:] ** 2 - 1.0) * (noise[:-lag] ** 2 - 1.0)
+        assert abs(squares.mean()) < SIGMAS * 2.0 / math.sqrt(COUNT - lag), lag  # var(x^2) = 2
 
 
 def test_spectrum_is_flat() -> None:
@@ -34,12 +37,13 @@ def test_spectrum_is_flat() -> None:
     assert np.all(np.abs(bands.mean(axis=1) - 1.0) < SIGMAS * scatter)
 
 
-@pytest.mark.parametrize(("one", "other"), [(0, 1), (1, 2), (7, 8), (1, 2**32), (1, 2**52)])
+@pytest.mark.parametrize(("one", "other"), [(0, 1), (0, 2), (1, 2), (7, 8), (1, 2**32), (1, 2**52)])
 def test_seeds_are_independent(one: int, other: int) -> None:
     a, b = white_noise(one, 0, COUNT), white_noise(other, 0, COUNT)
     for lag in (0, 1, 2):
-        assert abs(np.mean(a[lag:] * b[: COUNT - lag])) < SIGMAS / math.sqrt(COUNT - lag)
-        assert abs(np.mean(b[lag:] * a[: COUNT - lag])) < SIGMAS / math.sqrt(COUNT - lag)
+        for late, early in ((a[lag:], b[: COUNT - lag]), (b[lag:], a[: COUNT - lag])):
+            assert abs(np.mean(late * early)) < SIGMAS / math.sqrt(COUNT - lag)
+            assert abs(np.mean((late**2 - 1.0) * (early**2 - 1.0))) < SIGMAS * 2.0 / math.sqrt(COUNT - lag)
 
 
 def test_no_number_comes_twice() -> None:
