@@ -20,7 +20,7 @@ class LatencyLog:
         self._count += 1
 
     def summary(self, name: str) -> dict[str, object]:
-        """Median, 99 %, 99.9 % and maximum in microseconds, each under `name` with its suffix; empty if none was added."""
+        """Median, 99 %, 99.9 % and maximum [us], each under `name` with its suffix; empty if none was added."""
         known = self._ring[: min(self._count, CAPACITY)]
         if not known.size:
             return {}
