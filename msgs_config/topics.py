@@ -55,7 +55,7 @@ TOPICS: dict[str, Topic] = {
               description="drive voltage asked of the next block, instead of a displacement (poling)"),
         Topic("drive", BLOCK, "controller", ("amplifier",), ("time_s", "command_voltage_V"),
               description="command to the amplifier for the next block"),
-        Topic("applied", BLOCK, "amplifier", ("plant", "observer", "controller"),
+        Topic("applied", BLOCK, "amplifier", ("plant", "observer", "controller", "experiment"),
               ("time_s", "voltage_V", "current_A", "charge_C"),
               description="what the amplifier put out: voltage across the ceramic, current, charge (Sawyer-Tower)"),
         Topic("truth", BLOCK, "plant", ("sensor",),

@@ -25,7 +25,7 @@ class AmplifierNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("amplifier")
-        chain = self.load_chain("chain", "thesis-p2", "chain of the simulated amplifier and its load")
+        chain = self.load_plant()
         limits = declare_all(self, "limits", Limits())
         driver = SimulatedAmplifier(chain, self.rest)
         self.amplifier = GuardedAmplifier(driver, limits, self.sample_rate, self.block_size)
@@ -104,8 +104,9 @@ class AmplifierNode(GraphNode):
 
     def _on_parameters(self, parameters: list[Parameter]) -> str:
         limits = changed(self.amplifier.limits, "limits", parameters)
-        if limits.voltage_min > self.amplifier.command_voltage or limits.voltage_max < self.amplifier.command_voltage:
-            return f"the stack is at {self.amplifier.command_voltage:.2f} V, outside that window; move it first"
+        voltage = self.amplifier.driver.voltage
+        if not limits.voltage_min <= voltage <= limits.voltage_max:
+            return f"the stack is at {voltage:.2f} V, outside that window; move it first"
         self.amplifier.limits = limits
         return ""
 

@@ -22,7 +22,7 @@ class ControllerNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("controller")
-        model = self.load_chain("model", "thesis-p2", "chain the controllers believe in")
+        model = self.load_model()
         described = ParameterDescriptor(description=f"controller in charge: one of {', '.join(CONTROLLERS)}")
         active = str(self.declare_parameter("controller", "open_loop", described).value)
         controllers = {name: declare_all(self, name, cls()) for name, cls in CONTROLLERS.items()}

@@ -15,6 +15,7 @@ from std_srvs.srv import SetBool
 
 from pzt_config.topics import TOPICS
 from pzt_nodes.graph_node import GraphNode
+from pzt_nodes.join import Join
 from pzt_nodes.messages import joint_state, status_of
 from pzt_nodes.parameters import declare_text
 from pzt_nodes.spin import main as run_node
@@ -48,7 +49,9 @@ class ExperimentNode(GraphNode):
         self._peers_ready: set[str] = set()
         self._enable = self.create_client(SetBool, "enable")
         self._set_parameters = self.create_client(SetParameters, "controller/set_parameters")
-        self.listen("measurement", self._on_measurement)
+        self._join = Join(("measurement", "applied"), self._on_tick)
+        for name in ("measurement", "applied"):
+            self.listen(name, lambda block, name=name: self._join.add(self.tick_of(block), name, block))
         self.create_subscription(
             DiagnosticArray, "/diagnostics", self._on_diagnostics, self._qos(TOPICS["/diagnostics"])
         )
@@ -83,13 +86,18 @@ class ExperimentNode(GraphNode):
 
     # -- run
 
-    def _on_measurement(self, block: Block) -> None:
+    def _on_tick(self, tick: int, blocks: dict[str, Block]) -> None:
         if self._state != "running":
             return
         self.ticks += 1
+        measurement = blocks["measurement"]
         reference = None
-        if block.time[-1] < self._end:
-            reference = self.experiment.step(self.tick_of(block) + 1, float(np.mean(block["displacement_m"])))
+        if measurement.time[-1] < self._end:
+            displacement, voltage = (
+                float(np.mean(measurement["displacement_m"])),
+                float(blocks["applied"]["voltage_V"][-1]),
+            )
+            reference = self.experiment.step(tick + 1, displacement, voltage)
         if reference is None:
             self._state = "finishing"
             self._enable.call_async(SetBool.Request(data=False)).add_done_callback(lambda _: self._watch_end())

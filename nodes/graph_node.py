@@ -21,7 +21,7 @@ from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, su
 from pzt_nodes.messages import TYPES, diagnostics, foreign_block
 from pzt_nodes.parameters import declare_all, declare_text
 from pzt_ros.blocks import Block, BlockError
-from pzt_ros.chains import load_chain
+from pzt_ros.chains import load_chain, load_model
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Rest
 from pzt_ros.scenario import Timing
@@ -111,9 +111,13 @@ class GraphNode(Node):
 
     # -- the chain
 
-    def load_chain(self, parameter: str, default: str, description: str) -> Chain:
-        """A chain named by a read-only parameter."""
-        return load_chain(declare_text(self, parameter, default, description))
+    def load_plant(self) -> Chain:
+        """The chain of the simulated stage, named by the read-only parameter `chain`."""
+        return load_chain(declare_text(self, "chain", "thesis-p2", "chain that is simulated: shipped name or path"))
+
+    def load_model(self) -> Chain:
+        """The chain this node believes in, named by the read-only parameter `model`."""
+        return load_model(declare_text(self, "model", "thesis-p2", "chain believed in: shipped name or path"))
 
     # -- readiness and health
 

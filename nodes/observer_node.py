@@ -19,7 +19,7 @@ class ObserverNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("observer")
-        self.model = self.load_chain("model", "thesis-p2", "chain the observer believes in")
+        self.model = self.load_model()
         kind = declare_text(self, "observer", "disturbance", f"one of {', '.join(OBSERVERS)}")
         self.observer = declare_all(self, kind, find_observer(kind)())
         self._state = self.observer.init(self.model, self.rest)

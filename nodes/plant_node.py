@@ -25,7 +25,7 @@ class PlantNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("plant")
-        chain = self.load_chain("chain", "thesis-p2", "chain of the simulated stage")
+        chain = self.load_plant()
         rate = declare_text(self, "rate", AS_FAST_AS_POSSIBLE, f"pace: '{REAL_TIME}' or '{AS_FAST_AS_POSSIBLE}'")
         if rate not in (REAL_TIME, AS_FAST_AS_POSSIBLE):
             raise BenchError(f"plant: rate '{rate}' is not one of '{REAL_TIME}', '{AS_FAST_AS_POSSIBLE}'")

@@ -14,7 +14,7 @@ class SensorNode(GraphNode):
 
     def __init__(self) -> None:
         super().__init__("sensor")
-        chain = self.load_chain("chain", "thesis-p2", "chain whose sensor is simulated")
+        chain = self.load_plant()
         self.sensor = SimulatedSensor(chain, self.rest)
         self.sensor.warm_up()
         self.axis = self.get_namespace().strip("/").replace("/", "_") or "stage"

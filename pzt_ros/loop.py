@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pzt_ros.chains import load_chain
+from pzt_ros.chains import load_chain, load_model
 from pzt_ros.controllers.controller import Feedback
 from pzt_ros.controllers.loop import ControlLoop
 from pzt_ros.errors import RunFailedError
@@ -41,7 +41,7 @@ class InProcessLoop:
     """Every library object of the graph, stepped block by block."""
 
     def __init__(self, scenario: Scenario) -> None:
-        plant, model = load_chain(scenario.plant), load_chain(scenario.model)
+        plant, model = load_chain(scenario.plant), load_model(scenario.model)
         rest = Rest(seed=scenario.seed)
         self.amplifier = GuardedAmplifier(
             SimulatedAmplifier(plant, rest), scenario.limits, scenario.sample_rate, scenario.block_size
@@ -65,7 +65,9 @@ class InProcessLoop:
         Raises:
             RunFailedError: the amplifier refused the command, or is in fault.
         """
-        reference = self.experiment.step(self.amplifier.next_block, float(np.mean(last.measurement)))
+        reference = self.experiment.step(
+            self.amplifier.next_block, float(np.mean(last.measurement)), float(last.applied.voltage[-1])
+        )
         if reference is None:
             return None
         if reference.controller:

@@ -25,7 +25,7 @@ class InversePI(Controller):
     integral_limit: float = parameter(5e-6, "m", "the correction stays within plus and minus this", bounds=(0.0, 1e-3))
 
     def init(self, model: Chain, feedback: Feedback) -> float:
-        """No correction yet [m]: the hand-over hides what the model reads wrong until the integral has it."""
+        """The correction [m] with which the inverse begins at the voltage found."""
         return model_offset(model, feedback)
 
     def step(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.experiments.phases import Phase
-from pzt_ros.reference import DISPLACEMENT, Reference, block_times
+from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference, block_times
 
 
 class Experiment:
@@ -46,18 +46,20 @@ class Experiment:
             begin = end
         return spans
 
-    def step(self, block: int, displacement: float) -> Reference | None:
+    def step(self, block: int, displacement: float, voltage: float) -> Reference | None:
         """The reference of block number `block`, or None when the scenario is over.
 
         Args:
             block: number of the block since the run began; sets the time stamps.
-            displacement: where the stage is now, as measured [m]; a move starts here.
+            displacement: where the stage is now, as measured [m]; a move that follows a voltage starts here.
+            voltage: across the ceramic now [V]; a ramp that follows a displacement starts here.
         """
         phase = self.phase
         if phase is None:
             return None
         if self._block == 0:
-            self._start = self._begin(phase, displacement)
+            found = {DISPLACEMENT: displacement, VOLTAGE: voltage}
+            self._start = self._last.get(phase.quantity, found[phase.quantity])
         n = self.block_size
         # The first sample of a phase comes one sample after its start value, so that phases join without repeating it.
         since = (self._block * n + np.arange(1, n + 1)) / self.sample_rate
@@ -68,7 +70,3 @@ class Experiment:
         if self._block == self._blocks[self._phase]:
             self._phase, self._block = self._phase + 1, 0
         return Reference(phase.quantity, block_times(block, n, self.sample_rate), values, controller)
-
-    def _begin(self, phase: Phase, displacement: float) -> float:
-        fallback = displacement if phase.quantity == DISPLACEMENT else 0.0
-        return self._last.get(phase.quantity, fallback)

@@ -33,6 +33,10 @@ class Link(ABC):
     kind: ClassVar[str]
     section: ClassVar[str]
 
+    def noiseless(self) -> Link:
+        """The same link without what no model can know: noise, least steps. Links that have such override this."""
+        return self
+
     @abstractmethod
     def init(self, rest: Rest) -> State:
         """The state at rest, before the first sample."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -34,6 +35,10 @@ class DisplacementSensor(Link):
     resolution: float = parameter(0.0, "m", "least step of the reading; 0 for none", bounds=(0.0, 1e-3))
     bandwidth: float = parameter(0.0, "Hz", "corner of a first-order lag; 0 for no lag", bounds=(0.0, 1e9))
     delay: float = parameter(0.0, "1", "samples by which the reading comes late", bounds=(0.0, 1e5))
+
+    def noiseless(self) -> DisplacementSensor:
+        """Without noise and least step."""
+        return dataclasses.replace(self, noise_rms=0.0, resolution=0.0)
 
     @property
     def _dynamic(self) -> bool:

@@ -12,18 +12,18 @@ from pzt_ros.experiments.phases import PHASES, Move, Phase, Scan, VoltageRamp
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference, block_times
 
 RATE, SIZE = 1000.0, 10
-HERE = 7e-6
-"""Where the stage is, as the tests tell the conductor [m]."""
+HERE, VOLTS = 7e-6, 0.0
+"""Where the stage is, as the tests tell the conductor [m, V]."""
 
 
 def run(phases: Sequence[Phase], rate: float = RATE, size: int = SIZE) -> list[Reference]:
     """Every reference of a scenario whose first block is number 1, as in the graph."""
     experiment = Experiment(phases, rate, size)
     references: list[Reference] = []
-    while (reference := experiment.step(len(references) + 1, HERE)) is not None:
+    while (reference := experiment.step(len(references) + 1, HERE, VOLTS)) is not None:
         references.append(reference)
     assert experiment.phase is None
-    assert experiment.step(len(references) + 1, HERE) is None, "the end stays the end"
+    assert experiment.step(len(references) + 1, HERE, VOLTS) is None, "the end stays the end"
     return references
 
 
@@ -135,7 +135,7 @@ def test_spans_say_what_step_does() -> None:
     for phase, begin, end in spans:
         assert begin == block_times(block, SIZE, RATE)[0]
         while experiment.phase is phase:
-            reference = experiment.step(block, HERE)
+            reference = experiment.step(block, HERE, VOLTS)
             assert reference is not None
             assert reference.quantity == phase.quantity
             assert begin <= reference.time[0] < reference.time[-1] < end
@@ -153,3 +153,11 @@ def test_a_controller_is_named_once() -> None:
 def test_no_phase_is_the_end() -> None:
     assert run([]) == []
     assert Experiment([], RATE, SIZE).length == 0.0
+
+
+def test_a_voltage_ramp_after_a_displacement_begins_at_the_voltage_found() -> None:
+    phases = [Move(to=2e-6, duration=1e-3), VoltageRamp(to=0.0, duration=1e-3, shape="linear")]
+    experiment = Experiment(phases, 20e3, 10)
+    blocks = [experiment.step(number, HERE, 33.0) for number in (1, 2, 3, 4)]
+    ramp = np.concatenate([block.values for block in blocks[2:] if block is not None])
+    np.testing.assert_allclose(ramp, 33.0 * (1 - np.arange(1, 21) / 20), atol=1e-12)
