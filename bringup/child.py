@@ -20,11 +20,12 @@ _PREFIX = "PZT_STATUS "
 
 
 class Child:
-    """A node's process. What its nodes say of themselves is in `status`, one entry per node."""
+    """A node's process. What its nodes last said of themselves is in `status`, and when [s, monotonic] in `heard`."""
 
     def __init__(self, row: ProcessRow, arguments: list[str], environment: dict[str, str], log: Path) -> None:
         self.row = row
         self.status: dict[str, dict[str, Any]] = {}
+        self.heard: dict[str, float] = {}
         self._log = open(log, "wb")  # noqa: SIM115 - as long as the process
         # A session of its own: Ctrl-C reaches the supervisor alone, which stops the nodes in the right order.
         self._process = subprocess.Popen(
@@ -58,6 +59,7 @@ class Child:
                 except json.JSONDecodeError:
                     continue  # the last line of a killed process
                 self.status[status["node"]] = status
+                self.heard[status["node"]] = time.monotonic()
             else:
                 self._log.write(raw)
 

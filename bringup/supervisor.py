@@ -106,10 +106,12 @@ class Supervisor:
         self._show(self._status(), "made safe")
 
     def _wait_for_relay(self) -> None:
+        """Until the plant says 0 V; what it said before the amplifier died does not count."""
         plant = self._children["plant"]
-        deadline = time.monotonic() + self.plan.scenario.limits.declared_safe_time + 5.0
+        died = time.monotonic()
+        deadline = died + self.plan.scenario.limits.declared_safe_time + 5.0
         while plant.exit_code is None and time.monotonic() < deadline:
-            if plant.status.get("plant", {}).get("stack_voltage_V", 1.0) == 0.0:
+            if plant.heard.get("plant", 0.0) > died and plant.status["plant"]["stack_voltage_V"] == 0.0:
                 return
             time.sleep(POLL)
 

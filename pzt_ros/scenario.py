@@ -12,6 +12,7 @@ from pzt_ros.controllers.table import CONTROLLERS
 from pzt_ros.errors import BenchError
 from pzt_ros.experiments.experiment import Experiment
 from pzt_ros.experiments.phases import PHASES, Phase
+from pzt_ros.experiments.procedures import phases_of
 from pzt_ros.hardware.guard import Limits
 from pzt_ros.observers.observer import Observer
 from pzt_ros.observers.table import OBSERVERS
@@ -147,11 +148,16 @@ def _controllers(entries: Any, where: str) -> dict[str, Controller]:
 def _phases(entries: Any, where: str) -> tuple[Phase, ...]:
     if not isinstance(entries, list) or not entries:
         raise BenchError(f"{where}: phases: expected a list of phases, found {entries!r}")
-    phases = []
+    phases: list[Phase] = []
     for number, entry in enumerate(entries, start=1):
         here = f"{where}: phase {number}"
+        if isinstance(entry, dict) and "experiment" in entry:
+            phases.extend(phases_of(entry, here))
+            continue
         if not isinstance(entry, dict) or str(entry.get("phase")) not in PHASES:
-            raise BenchError(f"{here}: expected 'phase: kind', kind one of {', '.join(PHASES)}; found {entry!r}")
+            raise BenchError(
+                f"{here}: expected 'phase: kind', kind one of {', '.join(PHASES)}, or 'experiment: family'; found {entry!r}"
+            )
         values = {key: value for key, value in entry.items() if key != "phase"}
         phase = build(PHASES[entry["phase"]], values, f"{here} ({entry['phase']})")
         controller = getattr(phase, "controller", "")

@@ -18,6 +18,8 @@ from rich.table import Table
 from pzt_ros.bags import load_run
 from pzt_ros.chains import chain_summary, load_chain, save_chain, shipped_chains
 from pzt_ros.errors import BenchError
+from pzt_ros.experiments.procedures import FAMILIES, procedure
+from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record, write_table
 
 From = Annotated[float | None, typer.Option("--from", help="first time that counts, in s; the run's start by default")]
@@ -53,23 +55,49 @@ def chains(name: Annotated[str | None, typer.Argument(help="print this one's fil
 
 
 def simulate(
-    drive: Annotated[str, typer.Argument(help="CSV with time_s, voltage_V; linear between its rows")],
+    drive: Annotated[str, typer.Argument(help="named experiment, or CSV with time_s, voltage_V; linear between its rows")],
     model: Annotated[str, typer.Option(help="chain: shipped name or path of a YAML file")],
     out: Annotated[Path, typer.Option(help="CSV file to write")],
     accuracy: Annotated[float, typer.Option(help="error of the integration allowed in the phase fraction")] = 1e-8,
+    rate: Annotated[str | None, typer.Option(help="of an experiment: '0.1 Hz' or '1 kV/mm/s' or '100 V/s'")] = None,
+    form: Annotated[str | None, typer.Option(help="of an experiment: half-sine or linear")] = None,
+    reversal: Annotated[str | None, typer.Option(help="of an experiment: reversal voltage, '-20 V'")] = None,
+    sample_rate: Annotated[str | None, typer.Option(help="of an experiment: '20 kHz'")] = None,
 ) -> None:
     """Run a chain over a drive, without the graph; a row for each row of the drive.
 
-    Example: pzt simulate drive.csv --model thesis-p2 --out run.csv
+    Named experiments are the thesis': full-loop, type1, type2, type3, type4, relaxation.
+
+    Example: pzt simulate type3 --rate "10 Hz" --reversal "-20 V" --model p802 --out run.csv
     """
     from pzt_ros.sysid.simulate import simulate_csv, with_accuracy
 
-    if not Path(drive).exists():
-        raise BenchError(f"drive '{drive}': no such file; give a CSV file with the columns time_s,voltage_V")
+    source = _drive(drive, rate, form, reversal, sample_rate)
     chain = with_accuracy(load_chain(model), accuracy)
     with _busy(f"simulating {chain.name}"):
-        rows = simulate_csv(chain, Path(drive), out)
+        rows = simulate_csv(chain, source, out)
     typer.echo(f"{out}: {rows} rows")
+
+
+def _drive(
+    name: str, rate: str | None, form: str | None, reversal: str | None, sample_rate: str | None
+) -> Path | Iterator[tuple[Array, Array]]:
+    """A CSV file, or the blocks of a named experiment."""
+    if name not in FAMILIES:
+        if not Path(name).exists():
+            raise BenchError(
+                f"drive '{name}': no such file or experiment; give a CSV file with the columns time_s,voltage_V or one"
+                f" of {', '.join(FAMILIES)}"
+            )
+        given = {"--rate": rate, "--form": form, "--reversal": reversal, "--sample-rate": sample_rate}
+        extra = [option for option, value in given.items() if value is not None]
+        if extra:
+            raise BenchError(f"drive '{name}': {', '.join(extra)} belongs to a named experiment; leave it out")
+        return Path(name)
+    chosen = procedure(name, rate, form, reversal)
+    if chosen.warning:
+        typer.echo(f"warning: {chosen.warning}", err=True)
+    return chosen.drive(chosen.sampling(sample_rate))
 
 
 def fit(

@@ -30,7 +30,8 @@ RAMP_TIME, HOLD_TIME = 5.0, 10.0  # [s]
 HALF_SINE, LINEAR = "half-sine", "linear"
 FORMS = (HALF_SINE, LINEAR)
 
-FAST_PER_LEG, SLOWEST_SAMPLING, FASTEST_SAMPLING = 200.0, 1e3, 20e3
+SAMPLES_PER_LEG, SLOWEST_SAMPLING, FASTEST_SAMPLING = 200.0, 1e3, 20e3
+LEAST_PER_LEG, MOST_SAMPLING = 10.0, 1e6
 _ROWS = 100_000
 
 
@@ -119,11 +120,23 @@ class Procedure:
             VoltageRamp(to=0.0, duration=RAMP_TIME),
         )
 
-    @property
-    def sample_rate(self) -> float:
-        """200 samples a leg of the fastest kind, as the thesis kept, but not below 1 kHz nor above its 20 kHz [Hz]."""
+    def sampling(self, rate: Any = None) -> float:
+        """A sample rate from text such as `20 kHz`, in Hz; by default 200 samples a leg, from 1 kHz to the thesis' 20 kHz.
+
+        Raises:
+            BenchError: not a frequency, or too few samples to show the experiment, or more than a machine can hold.
+        """
         shortest = min(phase.duration for phase in self.phases())
-        return min(max(FAST_PER_LEG / shortest, SLOWEST_SAMPLING), FASTEST_SAMPLING)
+        if rate is None:
+            return min(max(SAMPLES_PER_LEG / shortest, SLOWEST_SAMPLING), FASTEST_SAMPLING)
+        value = to_si(rate, "Hz", f"{self.family}: sample rate")
+        least, most = LEAST_PER_LEG / shortest, MOST_SAMPLING
+        if not least <= value <= most:
+            raise BenchError(
+                f"{self.family}: a sample rate of {value:g} Hz is outside {least:g} to {most:g} Hz, the lower one for"
+                f" {LEAST_PER_LEG:g} samples in the shortest leg of {shortest:g} s; choose one between"
+            )
+        return value
 
     def drive(self, sample_rate: float) -> Iterator[tuple[Array, Array]]:
         """Blocks of times [s] and voltages [V] from 0 s and 0 V on, every turn among the samples."""

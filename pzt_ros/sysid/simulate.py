@@ -65,8 +65,8 @@ def simulate(chain: Chain, drive: Drive) -> Iterator[Signals]:
         yield out.replace(voltage=voltage)
 
 
-def simulate_csv(chain: Chain, drive: Path, out: Path) -> int:
-    """Simulate a drive from a CSV file into a CSV file; returns the number of rows.
+def simulate_csv(chain: Chain, drive: Path | Drive, out: Path) -> int:
+    """Simulate a drive, from a CSV file or given as blocks, into a CSV file; returns the number of rows.
 
     Raises:
         BenchError: as `simulate`; the drive cannot be read, or the run not be written.
@@ -76,7 +76,7 @@ def simulate_csv(chain: Chain, drive: Path, out: Path) -> int:
     def lines() -> Iterator[str]:
         nonlocal rows
         yield ",".join(RUN_HEADER) + "\n"
-        for block in simulate(chain, read_drive(drive)):
+        for block in simulate(chain, read_drive(drive) if isinstance(drive, Path) else drive):
             rows += block.time.size
             columns = (block.time, block.voltage, block.displacement, block.polarization, block.phase_fraction)
             yield "".join(map("%r,%r,%r,%r,%r\n".__mod__, zip(*(column.tolist() for column in columns), strict=True)))

