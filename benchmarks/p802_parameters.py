@@ -1,8 +1,8 @@
 """`python -m benchmarks.p802_parameters`: parameters of the thesis' actuator, fitted to what chapter 2 says in numbers.
 
-The thesis prints no curves, only a dozen numbers; this finds the lattice and the strain law that meet them together and
-prints a table criterion / model. The result stands in `msgs_config/chains/p802.yaml`. `--from-scratch` searches the whole
-box first (five minutes), otherwise the search starts from the shipped chain (one minute).
+The thesis prints no curves, only a dozen numbers; this finds the lattice and the strain law that meet them together
+and prints a table criterion / model. The result stands in `msgs_config/chains/p802.yaml`. `--from-scratch` searches the
+whole box first (five minutes), otherwise the search starts from the shipped chain (ten seconds).
 """
 
 from __future__ import annotations
@@ -69,13 +69,13 @@ def run(chain: Chain, experiment: Procedure) -> Run:
         ends.append(sum(len(part) for part in time) - 1)
     t, v = np.concatenate(time), np.concatenate(voltage)
     _, out = chain.step(chain.init(Rest()), Signals(t, v))
-    length = next(getattr(link, "active_length") for link in chain.links if hasattr(link, "active_length"))
+    length = next(link.active_length for link in chain.links if hasattr(link, "active_length"))
     return Run(t, v, out.polarization, out.displacement / length, ends)
 
 
 def observe(chain: Chain) -> dict[str, float]:
     """The numbers of chapter 2, as this chain gives them; SI."""
-    area = next(getattr(link, "electrode_area") for link in chain.links if hasattr(link, "electrode_area"))
+    area = next(link.electrode_area for link in chain.links if hasattr(link, "electrode_area"))
     slow = run(chain, procedure("type1", "0.1 Hz", reversal="-40 V"))
     fast = run(chain, procedure("type1", "100 Hz", reversal="-40 V"))
     full = run(chain, procedure("full-loop", "0.1 Hz"))
@@ -156,7 +156,12 @@ def main(from_scratch: bool) -> None:
     if from_scratch:
         found = differential_evolution(
             lambda x: float(np.sum(misses(with_values(chain, x)) ** 2)),
-            list(zip(low, high, strict=True)), popsize=10, maxiter=18, seed=1, polish=False, init="sobol",
+            list(zip(low, high, strict=True)),
+            popsize=10,
+            maxiter=18,
+            seed=1,
+            polish=False,
+            init="sobol",
         )
         start = found.x
     refined = least_squares(

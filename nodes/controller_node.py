@@ -30,11 +30,17 @@ class ControllerNode(GraphNode):
         self.loop.warm_up()
         self._join = Join(("reference", "applied", "measurement", "estimate"), self._on_tick)
         self._asked: Reference | None = None
-        for name in ("applied", "measurement", "estimate"):
+        self.listen("applied", self._on_applied)
+        for name in ("measurement", "estimate"):
             self.listen(name, lambda block, name=name: self._join.add(self.tick_of(block), name, block))
         self.listen("reference", lambda block: self._on_reference(DISPLACEMENT, block, "displacement_m"))
         self.listen("voltage_reference", lambda block: self._on_reference(VOLTAGE, block, "voltage_V"))
         on_change(self, self._on_parameters)
+
+    def _on_applied(self, block: Block) -> None:
+        """The model follows while the block is still being measured."""
+        self.loop.follow(block.time, block["voltage_V"])
+        self._join.add(self.tick_of(block), "applied", block)
 
     def _on_reference(self, quantity: str, block: Block, column: str) -> None:
         # The reference of the block to come belongs to the tick of the block that was measured before it.

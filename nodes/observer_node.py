@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from rclpy.parameter import Parameter
 
@@ -25,20 +27,19 @@ class ObserverNode(GraphNode):
         self._state = self.observer.init(self.model, self.rest)
         zeros = np.zeros_like(REHEARSAL)
         self.observer.update(self.model, self._state, REHEARSAL, zeros, zeros)  # compiles what the first block needs
-        self._join = Join(("applied", "measurement"), self._on_tick)
-        self.listen("applied", lambda block: self._take("applied", block))
-        self.listen("measurement", lambda block: self._take("measurement", block))
+        self._join = Join(("predicted", "measurement"), self._on_tick)
+        self.listen("applied", self._on_applied)
+        self.listen("measurement", lambda block: self._join.add(self.tick_of(block), "measurement", block))
         on_change(self, self._on_parameters)
 
-    def _take(self, name: str, block: Block) -> None:
-        self._join.add(self.tick_of(block), name, block)
+    def _on_applied(self, block: Block) -> None:
+        """The model runs while the block is still being measured."""
+        self._state, predicted = self.observer.predict(self.model, self._state, block.time, block["voltage_V"])
+        self._join.add(self.tick_of(block), "predicted", predicted)
 
-    def _on_tick(self, _tick: int, blocks: dict[str, Block]) -> None:
+    def _on_tick(self, _tick: int, parts: dict[str, Any]) -> None:
         self.ticks += 1
-        applied, measured = blocks["applied"], blocks["measurement"]
-        self._state, e = self.observer.update(
-            self.model, self._state, applied.time, applied["voltage_V"], measured["displacement_m"]
-        )
+        self._state, e = self.observer.correct(self._state, parts["predicted"], parts["measurement"]["displacement_m"])
         self.publish("estimate", e.time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
 
     def _on_parameters(self, parameters: list[Parameter]) -> str:

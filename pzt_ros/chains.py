@@ -21,10 +21,11 @@ from pzt_ros.physics.sensor import DisplacementSensor
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.quantities import build, choices_of, parameters_of, to_text
 
-LINKS: dict[str, type[Link]] = {
-    link.kind: link
-    for link in (Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor, *EFFECTS)
-}
+_ALWAYS: tuple[type[Link], ...] = (
+    Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor,
+)  # fmt: skip
+
+LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *EFFECTS)}
 """Every link a chain file may name: those every stage has, and the optional ones of `pzt_ros.effects.table`."""
 
 _NOTES = ("description", "source", "free", "fit", "start")

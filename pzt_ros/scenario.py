@@ -155,9 +155,8 @@ def _phases(entries: Any, where: str) -> tuple[Phase, ...]:
             phases.extend(phases_of(entry, here))
             continue
         if not isinstance(entry, dict) or str(entry.get("phase")) not in PHASES:
-            raise BenchError(
-                f"{here}: expected 'phase: kind', kind one of {', '.join(PHASES)}, or 'experiment: family'; found {entry!r}"
-            )
+            known = f"'phase: kind', kind one of {', '.join(PHASES)}, or 'experiment: family'"
+            raise BenchError(f"{here}: expected {known}; found {entry!r}")
         values = {key: value for key, value in entry.items() if key != "phase"}
         phase = build(PHASES[entry["phase"]], values, f"{here} ({entry['phase']})")
         controller = getattr(phase, "controller", "")

@@ -55,7 +55,9 @@ def chains(name: Annotated[str | None, typer.Argument(help="print this one's fil
 
 
 def simulate(
-    drive: Annotated[str, typer.Argument(help="named experiment, or CSV with time_s, voltage_V; linear between its rows")],
+    drive: Annotated[
+        str, typer.Argument(help="named experiment, or CSV with time_s, voltage_V; linear between its rows")
+    ],
     model: Annotated[str, typer.Option(help="chain: shipped name or path of a YAML file")],
     out: Annotated[Path, typer.Option(help="CSV file to write")],
     accuracy: Annotated[float, typer.Option(help="error of the integration allowed in the phase fraction")] = 1e-8,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -39,6 +40,7 @@ class ControlLoop:
         self._amplifier = model.section(AMPLIFIER)
         self._amplifier_state = self._amplifier.init(rest)
         self._model_state = self._model.init(rest)
+        self._followed = -math.inf
         self._source = VOLTAGE
         self._last: Reference | None = None
         self._state: Any = None
@@ -69,6 +71,15 @@ class ControlLoop:
         """Put other gains into place; a controller in charge keeps its state."""
         self.controllers[controller.kind] = controller
 
+    def follow(self, time: Array, voltage: Array) -> None:
+        """Let the model follow a block of applied voltage [V], unless it has already.
+
+        `step` sees to it; who has the block earlier may save the time.
+        """
+        if time[-1] > self._followed:
+            self._model_state, _ = self._model.step(self._model_state, Signals(time, voltage))
+            self._followed = float(time[-1])
+
     def step(self, reference: Reference, feedback: Feedback) -> Array:
         """The command voltage [V, shape (n,)] for the block that `reference` asks for.
 
@@ -76,7 +87,7 @@ class ControlLoop:
             reference: of the block to come.
             feedback: the block before it, as applied and measured.
         """
-        self._model_state, _ = self._model.step(self._model_state, Signals(feedback.time, feedback.voltage))
+        self.follow(feedback.time, feedback.voltage)
         asked = self._last.values if self._last is not None and self._last.quantity == DISPLACEMENT else None
         feedback = dataclasses.replace(feedback, reference=asked, model=self._model_state)
         self._last = reference

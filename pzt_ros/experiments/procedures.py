@@ -42,7 +42,7 @@ class Family:
     Attributes:
         description: for people.
         turns: the voltages it goes to one after the other, from 150 V; the last one is held.
-        reversals: reversal voltages of the thesis [V]; the first is the default. Empty where there is nothing to choose.
+        reversals: reversal voltages of the thesis [V], the first one by default; empty where there is none.
     """
 
     description: str
@@ -121,7 +121,7 @@ class Procedure:
         )
 
     def sampling(self, rate: Any = None) -> float:
-        """A sample rate from text such as `20 kHz`, in Hz; by default 200 samples a leg, from 1 kHz to the thesis' 20 kHz.
+        """A sample rate [Hz] from text such as `20 kHz`; by default 200 samples a leg, from 1 to the thesis' 20 kHz.
 
         Raises:
             BenchError: not a frequency, or too few samples to show the experiment, or more than a machine can hold.
@@ -190,21 +190,29 @@ def _rate(family: str, rate: Any, form: str | None) -> tuple[str, float]:
     if rate is None:
         rate = "0.1 kV/mm/s" if form == LINEAR else "0.1 Hz"
     where = f"{family}: rate"
-    tried: dict[str, float] = {}
-    for shape, unit, scale in ((HALF_SINE, "Hz", 1.0), (LINEAR, "V/m/s", LAYER_THICKNESS), (LINEAR, "V/s", 1.0)):
-        try:
-            tried[shape] = to_si(rate, unit, where) * scale
-        except BenchError:
-            continue
-    if not tried:
+    frequency, slope, voltage_slope = (_read(rate, unit, where) for unit in ("Hz", "V/m/s", "V/s"))
+    if frequency is not None:
+        found, value = HALF_SINE, frequency
+    elif slope is not None:
+        found, value = LINEAR, slope * LAYER_THICKNESS
+    elif voltage_slope is not None:
+        found, value = LINEAR, voltage_slope
+    else:
         raise BenchError(f"{where}: {rate!r} is neither a frequency nor a slope; write it like '0.1 Hz' or '1 kV/mm/s'")
-    found, value = next(iter(tried.items()))
     if form is not None and form != found:
         example = "0.1 Hz" if form == HALF_SINE else "1 kV/mm/s"
         raise BenchError(f"{where}: {rate!r} does not fit the form {form}; write it like '{example}'")
     if not value > 0.0:
         raise BenchError(f"{where}: {rate!r} is not above 0; the experiment would never end")
     return found, value
+
+
+def _read(value: Any, unit: str, where: str) -> float | None:
+    """The value in SI, or None if it is not of that unit's kind."""
+    try:
+        return to_si(value, unit, where)
+    except BenchError:
+        return None
 
 
 def _reversal(family: str, reversal: Any) -> float:

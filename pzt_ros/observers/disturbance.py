@@ -41,18 +41,30 @@ class DisturbanceObserver(Observer):
         """Model at rest, disturbance unknown."""
         return DisturbanceState(model.section(ACTUATOR, SENSOR).init(rest), math.nan)
 
-    def update(
-        self, model: Chain, state: DisturbanceState, time: Array, voltage: Array, measurement: Array
+    def predict(
+        self, model: Chain, state: DisturbanceState, time: Array, voltage: Array
+    ) -> tuple[DisturbanceState, Signals]:
+        """The model over a block of applied voltage [V]."""
+        memory, predicted = model.section(ACTUATOR, SENSOR).step(state.model, Signals(time, voltage))
+        return DisturbanceState(memory, state.disturbance), predicted
+
+    def correct(
+        self, state: DisturbanceState, predicted: Signals, measurement: Array
     ) -> tuple[DisturbanceState, Estimate]:
-        """Take in a block of applied voltage [V], as it is behind the amplifier, and of measurement [m]."""
-        memory, out = model.section(ACTUATOR, SENSOR).step(state.model, Signals(time, voltage))
-        start = state.disturbance if math.isfinite(state.disturbance) else float(measurement[0] - out.displacement[0])
+        """Let the disturbance follow what the measurement [m] says beyond the model."""
+        time, residual = predicted.time, measurement - predicted.displacement
+        start = state.disturbance if math.isfinite(state.disturbance) else float(residual[0])
         step = (time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else 0.0
-        disturbance, innovation = _follow(measurement - out.displacement, start, 1.0 - math.exp(-self.gain * step))
+        disturbance, innovation = _follow(residual, start, 1.0 - math.exp(-self.gain * step))
         estimate = Estimate(
-            time, out.displacement + disturbance, out.polarization, out.phase_fraction, innovation, disturbance
+            time,
+            predicted.displacement + disturbance,
+            predicted.polarization,
+            predicted.phase_fraction,
+            innovation,
+            disturbance,
         )
-        return DisturbanceState(memory, float(disturbance[-1])), estimate
+        return DisturbanceState(state.model, float(disturbance[-1])), estimate
 
 
 @njit(cache=True)

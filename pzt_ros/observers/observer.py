@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.signals import Array, Rest
+from pzt_ros.physics.signals import Array, Rest, Signals
 
 
 @dataclass(frozen=True)
@@ -42,5 +42,17 @@ class Observer(ABC):
         """The state at rest."""
 
     @abstractmethod
+    def predict(self, model: Chain, state: Any, time: Array, voltage: Array) -> tuple[Any, Signals]:
+        """What the model makes of a block of applied voltage [V], as it is behind the amplifier.
+
+        It needs no measurement, so it can be done while the block is still being measured.
+        """
+
+    @abstractmethod
+    def correct(self, state: Any, predicted: Signals, measurement: Array) -> tuple[Any, Estimate]:
+        """Pull a predicted block towards its measurement [m]."""
+
     def update(self, model: Chain, state: Any, time: Array, voltage: Array, measurement: Array) -> tuple[Any, Estimate]:
-        """Take in a block of applied voltage [V] and of measurement [m]."""
+        """Predict and correct."""
+        state, predicted = self.predict(model, state, time, voltage)
+        return self.correct(state, predicted, measurement)

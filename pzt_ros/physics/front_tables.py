@@ -53,11 +53,10 @@ class Everett(NamedTuple):
 @functools.lru_cache(maxsize=64)
 def everett(coercive: Density, interaction: Density) -> Everett:
     """Tabulate the Everett function of two independent densities; a spread narrower than 3 cells is widened to that."""
-    sigmas = [_sigma(coercive), _sigma(interaction)]
-    ends = [coercive.support(CUT), interaction.support(CUT)] if min(sigmas) > 0 else _widest(coercive, interaction)
-    reach = ends[0][1] + max(abs(ends[1][0]), abs(ends[1][1]))
-    step = max(min(sigmas) / _POINTS_PER_SIGMA, reach / _MAX_CELLS)
+    narrowest = min(_sigma(coercive), _sigma(interaction))
+    step = max(narrowest / _POINTS_PER_SIGMA, _reach(coercive, interaction) / _MAX_CELLS)
     coercive, interaction = _widened(coercive, 3 * step), _widened(interaction, 3 * step)
+    reach = _reach(coercive, interaction)
     ratio = max(1, int(_sigma(interaction) / _POINTS_PER_SIGMA / step + 1e-9))
     rows_m = math.ceil(reach / (step * ratio)) + 1
     rows_c = math.ceil(reach / step) + 1
@@ -81,9 +80,10 @@ def _sigma(density: Density) -> float:
     return float(np.std(density.quantile(share)))
 
 
-def _widest(coercive: Density, interaction: Density) -> list[tuple[float, float]]:
-    """Supports where one of the densities is a single field."""
-    return [d.support(CUT) if d.spread > 0 else (d.peak, d.peak) for d in (coercive, interaction)]
+def _reach(coercive: Density, interaction: Density) -> float:
+    """The highest field at which a domain switches [V/m]."""
+    (_, highest), ends = (d.support(CUT) if d.spread > 0 else (d.peak, d.peak) for d in (coercive, interaction))
+    return highest + max(abs(ends[0]), abs(ends[1]))
 
 
 def _widened(density: Density, sigma: float) -> Density:

@@ -70,7 +70,7 @@ def mode_step(position, velocity, before, now, step, frequency, damping):  # typ
 
 @njit(cache=True)
 def mode_inverse(wanted, position, velocity, before, step, frequency, damping):  # type: ignore[no-untyped-def]
-    """The input at the end of a `step` [s] with which the mode comes to the position `wanted`, and its velocity there."""
+    """The input at the end of a `step` [s] with which the mode comes to the position `wanted`, and the velocity."""
     if step == 0.0:
         return wanted, velocity
     xx, xv, vx, vv = _free_motion(step, frequency, damping)

@@ -15,7 +15,13 @@ from numba import njit
 from numba.extending import overload
 
 from pzt_ros.errors import BenchError
-from pzt_ros.physics import parametrized_inverse, parametrized_kernel, polycrystal, polycrystal_kernel
+from pzt_ros.physics import (
+    parametrized_branch,
+    parametrized_inverse,
+    parametrized_kernel,
+    polycrystal,
+    polycrystal_kernel,
+)
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.linear_response import lag_inverse, lag_step
 from pzt_ros.physics.parametrized import Parametrized
@@ -25,9 +31,9 @@ from pzt_ros.physics.signals import Array
 NO_COMPENSATION, LAST, EXTRAPOLATED = 0, 1, 2
 
 # State: time [s], input of the lag, its output, output of the amplifier [V]; with a load also the voltage across the
-# ceramic [V], its P, P at rest [C/m^2], the capacitor's last two voltages [V], the last step [s], the part of a change of
-# the output that the capacitor takes [-], then the state of the ceramic.
-TIME, INPUT, LAGGED, OUTPUT, BARE = 0, 1, 2, 3, 4
+# ceramic [V], its P, P at rest [C/m^2], the capacitor's last two voltages [V], the last step [s], the change of the
+# capacitor's voltage over that of the ceramic [-], then the state of the ceramic.
+TIME, INPUT, LAGGED, OUTPUT = 0, 1, 2, 3
 VOLTAGE, POLARIZATION, AT_REST, REFERENCE, REFERENCE_BEFORE, STEP, SHARE, HEAD = 4, 5, 6, 7, 8, 9, 10, 11
 
 _TOLERANCE = 1e-9  # of the voltages around the loop [V]
@@ -57,16 +63,44 @@ class Circuit(NamedTuple):
     compensation: int
 
 
+@njit(cache=True)
+def _polycrystal_inverse(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
+    limit = polycrystal.FIELD_LIMIT * ceramic.layer_thickness
+    polycrystal_kernel.run_inverse(state, ceramic, time, p, voltage, x, limit, polycrystal.INVERSE_TOLERANCE)
+
+
+class Compiled(NamedTuple):
+    """How compiled code runs a kind of ceramic: the link's attribute with its numbers, their type, and two functions."""
+
+    link: type[Any]
+    attribute: str
+    numbers: type
+    run: Any
+    invert: Any
+
+
+CERAMICS = (
+    Compiled(Polycrystal, "elements", polycrystal_kernel.Elements, polycrystal_kernel.run, _polycrystal_inverse),
+    Compiled(
+        Parametrized,
+        "material",
+        parametrized_branch.Material,
+        parametrized_kernel.run,
+        parametrized_inverse.run_inverse,
+    ),
+)
+"""Every ceramic that can be a load; a new one is one entry here."""
+
+
 def compiled_form(load: Ferroelectric) -> Any:
     """The numbers of a ceramic as its compiled functions take them.
 
     Raises:
         BenchError: a ceramic that has none here.
     """
-    if isinstance(load, Polycrystal):
-        return load.elements
-    if isinstance(load, Parametrized):
-        return load.material
+    for ceramic in CERAMICS:
+        if isinstance(load, ceramic.link):
+            return getattr(load, ceramic.attribute)
     raise BenchError(f"amplifier: '{load.kind}' cannot be its load; use lattice, quadrature or parametrized")
 
 
@@ -80,13 +114,14 @@ def ceramic_invert(state: Array, ceramic: Any, time: Array, p: Array, voltage: A
     raise NotImplementedError
 
 
-def _is_polycrystal(ceramic: Any) -> bool:
-    return getattr(ceramic, "instance_class", None) is polycrystal_kernel.Elements
+def _entry(ceramic: Any) -> Compiled:
+    """The ceramic whose numbers have that Numba type."""
+    return next(entry for entry in CERAMICS if entry.numbers is ceramic.instance_class)
 
 
 @overload(ceramic_run)
 def _ceramic_run(state, ceramic, time, voltage, p, x):  # type: ignore[no-untyped-def]
-    step = polycrystal_kernel.run if _is_polycrystal(ceramic) else parametrized_kernel.run
+    step = _entry(ceramic).run
 
     def run(state, ceramic, time, voltage, p, x):  # type: ignore[no-untyped-def]
         step(state, ceramic, time, voltage, p, x)
@@ -96,16 +131,12 @@ def _ceramic_run(state, ceramic, time, voltage, p, x):  # type: ignore[no-untype
 
 @overload(ceramic_invert)
 def _ceramic_invert(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
-    limit, tolerance = polycrystal.FIELD_LIMIT, polycrystal.INVERSE_TOLERANCE
-    of_polycrystal, of_parametrized = polycrystal_kernel.run_inverse, parametrized_inverse.run_inverse
+    step_back = _entry(ceramic).invert
 
-    def polycrystal_inverse(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
-        of_polycrystal(state, ceramic, time, p, voltage, x, limit * ceramic.layer_thickness, tolerance)
+    def invert(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
+        step_back(state, ceramic, time, p, voltage, x)
 
-    def parametrized_inverse_(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
-        of_parametrized(state, ceramic, time, p, voltage, x)
-
-    return polycrystal_inverse if _is_polycrystal(ceramic) else parametrized_inverse_
+    return invert
 
 
 @njit(cache=True)

@@ -19,12 +19,12 @@ _SEEN, _POLARIZATION, _TURN, _SIZE = 0, 1, 2, 3
 class StrainHysteresis(Link):
     """Strain as the square of a polarization that leads: S = zeta (P + delta s)^2; stands in place of electrostriction.
 
-    A reversal by 180 degrees is two steps of 90 degrees (thesis 2.2.2, its reference 48). It is the 90-degree steps that
-    strain, and they come first: over the first stretch after a turn of the polarization strain changes by more than its
-    share, until as many domains leave the intermediate state as enter it. So strain is that of a polarization ahead by
-    delta, up or down. The sign s runs from -1 to 1 with P over the turn width and stays there until P turns (the stop
-    operator, the complement of the play operator): rate-independent, as the thesis saw it at 0.1 and 1 Hz. With
-    delta = 0 the link is electrostriction to the bit.
+    A reversal by 180 degrees is two steps of 90 degrees (thesis 2.2.2, its reference 48). It is the 90-degree steps
+    that strain, and they come first: over the first stretch after a turn of the polarization strain changes by more
+    than its share, until as many domains leave the intermediate state as enter it. So strain is that of a polarization
+    ahead by delta, up or down. The sign s runs from -1 to 1 with P over the turn width and stays there until P turns
+    (the stop operator, the complement of the play operator): rate-independent, as the thesis saw it at 0.1 and 1 Hz.
+    With delta = 0 the link is electrostriction to the bit.
     """
 
     kind: ClassVar[str] = "strain_hysteresis"

@@ -149,7 +149,7 @@ def test_mistakes_are_named(tmp_path: Path, change: tuple[str, str], found: str)
 
 
 def test_no_such_scenario_names_the_shipped_ones() -> None:
-    with pytest.raises(BenchError, match=r"scenario 'nothing': no such file; shipped are demo, scan"):
+    with pytest.raises(BenchError, match=r"scenario 'nothing': no such file; shipped are demo, full-loop"):
         load_scenario("nothing")
 
 

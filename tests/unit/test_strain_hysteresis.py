@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ SCALE = 0.02 * 8e-3
 
 def triangle(*turns: float, per_leg: int = 400) -> np.ndarray:
     """Straight lines through the turns."""
-    legs = [np.linspace(a, b, per_leg, endpoint=False) for a, b in zip(turns, turns[1:], strict=False)]
+    legs = [np.linspace(a, b, per_leg, endpoint=False) for a, b in itertools.pairwise(turns)]
     return np.concatenate([*legs, [turns[-1]]])
 
 
