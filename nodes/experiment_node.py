@@ -6,7 +6,6 @@ import math
 import time
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rcl_interfaces.srv import SetParameters
@@ -94,7 +93,7 @@ class ExperimentNode(GraphNode):
         reference = None
         if measurement.time[-1] < self._end:
             displacement, voltage = (
-                float(np.mean(measurement["displacement_m"])),
+                float(measurement["displacement_m"].mean()),
                 float(blocks["applied"]["voltage_V"][-1]),
             )
             reference = self.experiment.step(tick + 1, displacement, voltage)

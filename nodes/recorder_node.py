@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from operator import itemgetter
 from typing import Any
 
@@ -17,8 +18,10 @@ from pzt_nodes.spin import main as run_node
 from pzt_ros.bags.writer import BagWriter
 from pzt_ros.errors import RunFailedError
 
-DRAIN_PERIOD = 0.05
-"""The queues are emptied into the bag this often [s]; a crash loses no more than this."""
+DRAIN_PERIOD = 0.02
+"""The queues are emptied this often [s]: rarely costs fewer wake-ups, often finds the messages still in the cache."""
+FLUSH_PERIOD = 0.1
+"""What was read is handed to the system this often [s]; a crash loses no more than this."""
 
 
 class RecorderNode(GraphNode):
@@ -39,6 +42,7 @@ class RecorderNode(GraphNode):
         self._queues = [self._listen(topic) for topic in subscribed_by("recorder")]
         self.create_service(SetBool, "record", self._on_record)
         self.create_timer(DRAIN_PERIOD, self._drain)
+        self.create_timer(FLUSH_PERIOD, lambda: self._guarded(self._writer.flush))
 
     def _listen(self, topic: Topic) -> tuple[int, Any]:
         name = self.resolve_topic_name(topic.name)
@@ -54,20 +58,21 @@ class RecorderNode(GraphNode):
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, about = taken
                     arrived.append((about["received_timestamp"], about["source_timestamp"], channel, data))
-        if self._recording and not self._failed:
-            self._write(sorted(arrived, key=itemgetter(0)))
+        if self._recording:
+            for received, sent, channel, data in sorted(arrived, key=itemgetter(0)):
+                self._guarded(self._writer.write, channel, data, received, sent)
 
-    def _write(self, arrived: list[tuple[int, int, int, bytes]]) -> None:
+    def _guarded(self, call: Callable[..., None], *arguments: Any) -> None:
+        """Write, unless it has failed before; the first failure is said and counted."""
+        if self._failed:
+            return
         try:
-            for received, sent, channel, data in arrived:
-                self._writer.write(channel, data, received, sent)
-            self._writer.flush()
+            call(*arguments)
+            self.ticks += bool(arguments)
         except RunFailedError as error:
             self._failed = True
             self.counts[str(error)] += 1
             self.get_logger().error(str(error))
-        else:
-            self.ticks += len(arrived)
 
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._drain()

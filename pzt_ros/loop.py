@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.controllers.controller import Feedback
 from pzt_ros.controllers.loop import ControlLoop
@@ -66,7 +64,7 @@ class InProcessLoop:
             RunFailedError: the amplifier refused the command, or is in fault.
         """
         reference = self.experiment.step(
-            self.amplifier.next_block, float(np.mean(last.measurement)), float(last.applied.voltage[-1])
+            self.amplifier.next_block, float(last.measurement.mean()), float(last.applied.voltage[-1])
         )
         if reference is None:
             return None

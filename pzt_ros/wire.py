@@ -44,4 +44,4 @@ def decode(data: bytes, columns: tuple[str, ...], count: int) -> Block | None:
     head = prefix(columns, count)
     if not data.startswith(head) or len(data) != len(head) + 8 * count * len(columns):
         return None
-    return Block(columns, np.frombuffer(data, dtype="<f8", offset=len(head)).reshape(count, len(columns)))
+    return Block.unchecked(columns, np.frombuffer(data, dtype="<f8", offset=len(head)).reshape(count, len(columns)))

@@ -48,6 +48,9 @@ class Amplifier(Link):
         tuple(COMPENSATIONS),
         "what the computer adds to the drive for the capacitor: its voltage as last measured",
     )
+    compensation_rate: float = parameter(
+        20e3, "Hz", "samples per second of the computer that compensates", bounds=(1.0, 1e7)
+    )
     load: Ferroelectric | None = dataclasses.field(default=None, compare=False, repr=False)
 
     @property
@@ -75,6 +78,7 @@ class Amplifier(Link):
             elastance=1.0 / self.reference_capacitance if self.reference_capacitance > 0.0 else 0.0,
             area=float(self.load.electrode_area) if self.load is not None else 0.0,
             compensation=COMPENSATIONS[self.compensation],
+            period=1.0 / self.compensation_rate,
         )
 
     def init(self, rest: Rest) -> State:

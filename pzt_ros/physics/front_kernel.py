@@ -21,17 +21,27 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pzt_ros.physics.front_kinetics import HIGH, LOW, SHARE, merge, move, overlaps, profile, relative_attempts
+from pzt_ros.physics.front_kinetics import (
+    HIGH,
+    LOW,
+    REACH,
+    SHARE,
+    entry,
+    merge,
+    move,
+    relative_attempts,
+    row_of,
+)
 from pzt_ros.physics.signals import Array
 
 TURNS = 512
 """Turning points that fit into the memory: 256 pairs."""
 
-TIME, VOLTAGE, STEEPNESS, FRACTION, DIRECTION, DEPTH, LEADER, LEAD, FOLLOWER, FOLLOWER_LEAD, HEAD = range(11)
+TIME, VOLTAGE, STEEPNESS, FRACTION, DIRECTION, DEPTH, LEADER, LEAD, FOLLOWER, FOLLOWER_LEAD, SLAVED, HEAD = range(12)
 """State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], +1 or -1, number of
 turning points; leader and follower with their leads [units of d], on which follow TURNS positions, leads and sums."""
 
-STATE_SIZE = HEAD + 3 * TURNS
+LEADS, SUM, STATE_SIZE = HEAD + TURNS, HEAD + 2 * TURNS, HEAD + 3 * TURNS
 
 _LEFT_BEHIND = 2.0  # [d]; a leader that the field has fallen below by less is still switching
 _CLOSED = 1.2  # relative attempts of a turning point at a leader that has reached it
@@ -45,10 +55,11 @@ class Fronts(NamedTuple):
     """The material as the loops want it.
 
     Attributes:
-        profile: see front_kinetics.profile_table.
-        cells: see front_tables.Everett, as are the next four but in units of d.
-        spacing_c, spacing_m, reach: [d].
-        initial: [-].
+        table: see front_kinetics.front_table.
+        cells: see front_tables.Everett.
+        per_c, per_m: half a cell per d, along c and along m [1/d].
+        reach: of the table [d].
+        initial: share of domains up in the virgin state [-].
         width: d [V/m].
         attempt_rate: 1/tau [1/s].
         susceptibility: 1/E_1 [C/(V m)].
@@ -59,10 +70,10 @@ class Fronts(NamedTuple):
         field_step: longest substep [d].
     """
 
-    profile: Array
+    table: Array
     cells: Array
-    spacing_c: float
-    spacing_m: float
+    per_c: float
+    per_m: float
     reach: float
     initial: float
     width: float
@@ -85,53 +96,88 @@ def _weights(t):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _triangle(fr, s, u, l):  # type: ignore[no-untyped-def]
-    """T(u, l) of hard fronts [-]."""
-    u = min(max(u, -fr.reach), fr.reach)
-    l = min(max(l, -fr.reach), fr.reach)  # noqa: E741
-    if u <= l:
-        return 0.0
-    f = fr.cells
-    p = (u - l) * fr.per_c
-    q = f.shape[1] // 2 - s * (u + l) * fr.per_m
+def _look_up(f, per_c, per_m, reach, s, u, l):  # type: ignore[no-untyped-def]
+    """T(u, l) of hard fronts, and far half minus near half of that triangle [-]."""
+    u = min(max(u, -reach), reach)
+    l = min(max(l, -reach), reach)  # noqa: E741
+    p = max((u - l) * per_c, 0.0)
+    q = f.shape[1] // 2 - s * (u + l) * per_m
     i, j = int(p), int(q)
     a0, a1, a2, a3 = _weights(p - i)
     b0, b1, b2, b3 = _weights(q - j)
-    return (
+    total = (
         b0 * (a0 * f[i, j, 0] + a1 * f[i + 1, j, 0] + a2 * f[i, j, 1] + a3 * f[i + 1, j, 1])
         + b1 * (a0 * f[i, j + 1, 0] + a1 * f[i + 1, j + 1, 0] + a2 * f[i, j + 1, 1] + a3 * f[i + 1, j + 1, 1])
         + b2 * (a0 * f[i, j, 2] + a1 * f[i + 1, j, 2] + a2 * f[i, j, 3] + a3 * f[i + 1, j, 3])
         + b3 * (a0 * f[i, j + 1, 2] + a1 * f[i + 1, j + 1, 2] + a2 * f[i, j + 1, 3] + a3 * f[i + 1, j + 1, 3])
     )
+    difference = (
+        b0 * (a0 * f[i, j, 4] + a1 * f[i + 1, j, 4] + a2 * f[i, j, 5] + a3 * f[i + 1, j, 5])
+        + b1 * (a0 * f[i, j + 1, 4] + a1 * f[i + 1, j + 1, 4] + a2 * f[i, j + 1, 5] + a3 * f[i + 1, j + 1, 5])
+        + b2 * (a0 * f[i, j, 6] + a1 * f[i + 1, j, 6] + a2 * f[i, j, 7] + a3 * f[i + 1, j, 7])
+        + b3 * (a0 * f[i, j + 1, 6] + a1 * f[i + 1, j + 1, 6] + a2 * f[i, j + 1, 7] + a3 * f[i + 1, j + 1, 7])
+    )
+    return total, s * difference
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _places(table, u, lead):  # type: ignore[no-untyped-def]
+    """Where the two sub-fronts of a front are, and the share of the first."""
+    k, t = row_of(table, lead)
+    return u + entry(table, k, t, LOW), u + entry(table, k, t, HIGH), entry(table, k, t, SHARE)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _everett(table, f, per_c, per_m, reach, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
+    """T of fronts with profiles [-]."""
+    u1, u2, w = _places(table, u, lead)
+    l1, l2, v = _places(table, -l, lead_l)
+    if u2 + l2 <= 0.0:
+        return 0.0
+    t11, _ = _look_up(f, per_c, per_m, reach, s, u1, -l1)
+    t12, _ = _look_up(f, per_c, per_m, reach, s, u1, -l2)
+    t21, _ = _look_up(f, per_c, per_m, reach, s, u2, -l1)
+    t22, _ = _look_up(f, per_c, per_m, reach, s, u2, -l2)
+    return w * (v * t11 + (1.0 - v) * t12) + (1.0 - w) * (v * t21 + (1.0 - v) * t22)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _equilibrium(table, f, per_c, per_m, reach, s, u, lead, field):  # type: ignore[no-untyped-def]
+    """Share of the domains between a front and its mirror image at the field that are down: the far half.
+
+    (T + far - near)/2, T with the profiles of both, so that this and the same for the mirrored front add up to T: the
+    two fronts may then change roles without a jump.
+    """
+    u1, u2, w = _places(table, u - field, lead)
+    if u2 <= 0.0:
+        return 0.0
+    t11, d1 = _look_up(f, per_c, per_m, reach, s, field + u1, field - u1)
+    t12, _ = _look_up(f, per_c, per_m, reach, s, field + u1, field - u2)
+    t21, _ = _look_up(f, per_c, per_m, reach, s, field + u2, field - u1)
+    t22, d2 = _look_up(f, per_c, per_m, reach, s, field + u2, field - u2)
+    return 0.5 * (w * (w * t11 + (1.0 - w) * (t12 + t21) + d1) + (1.0 - w) * ((1.0 - w) * t22 + d2))
 
 
 @njit(cache=True, error_model="numpy")
 def _virgin(fr, s, u, l):  # type: ignore[no-untyped-def]
     """Turned x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
+    top = max(u, -l)
+    total, difference = _look_up(fr.cells, fr.per_c, fr.per_m, fr.reach, s, top, -top)
     if u > -l:
-        total, difference = _halves(fr, s, u, 0.0)
         return 0.5 * (total + difference)
-    total, difference = _halves(fr, s, -l, 0.0)
-    return _triangle(fr, s, u, l) - 0.5 * (total - difference)
-
-
-@njit(cache=True, error_model="numpy")
-def _first_turn(fr, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
-    """The same of fronts with profiles."""
-    w, v = profile(fr.profile, lead, SHARE), profile(fr.profile, lead_l, SHARE)
-    u1, u2 = u + profile(fr.profile, lead, LOW), u + profile(fr.profile, lead, HIGH)
-    l1, l2 = l - profile(fr.profile, lead_l, LOW), l - profile(fr.profile, lead_l, HIGH)
-    first = v * _virgin(fr, s, u1, l1) + (1.0 - v) * _virgin(fr, s, u1, l2)
-    second = v * _virgin(fr, s, u2, l1) + (1.0 - v) * _virgin(fr, s, u2, l2)
-    return w * first + (1.0 - w) * second
+    return _look_up(fr.cells, fr.per_c, fr.per_m, fr.reach, s, u, l)[0] - 0.5 * (total - difference)
 
 
 @njit(cache=True, error_model="numpy")
 def _leg(fr, k, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     """What the way from turning point k - 1 (at l) to k (at u) adds to x, in turned positions."""
-    if k == 1:
-        return s * _first_turn(fr, s, u, lead, l, lead_l)
-    return s * _everett(fr, s, u, lead, l, lead_l)
+    if k > 1:
+        return s * _everett(fr.table, fr.cells, fr.per_c, fr.per_m, fr.reach, s, u, lead, l, lead_l)
+    u1, u2, w = _places(fr.table, u, lead)
+    l1, l2, v = _places(fr.table, -l, lead_l)
+    first = v * _virgin(fr, s, u1, -l1) + (1.0 - v) * _virgin(fr, s, u1, -l2)
+    second = v * _virgin(fr, s, u2, -l1) + (1.0 - v) * _virgin(fr, s, u2, -l2)
+    return s * (w * first + (1.0 - w) * second)
 
 
 @njit(cache=True, error_model="numpy")
@@ -141,26 +187,28 @@ def _history(state, fr, u, lead, keep):  # type: ignore[no-untyped-def]
     Turning points in the leader's direction that lie within its profile merge with it; `keep` writes that down.
     """
     n, s = int(state[DEPTH]), state[DIRECTION]
-    turn, turn_lead = state[HEAD : HEAD + TURNS], state[HEAD + TURNS : HEAD + 2 * TURNS]
-    total = state[HEAD + 2 * TURNS : STATE_SIZE]
+    row, t = row_of(fr.table, lead)
+    ahead = u + entry(fr.table, row, t, REACH)
     first = n
-    while first >= 2 and overlaps(u, lead, s * turn[first - 2]):
+    while first >= 2 and s * state[HEAD + first - 2] < ahead:
         first -= 2
     if first == n:
-        return total[n - 1]
-    before, before_lead = turn[max(first - 1, 0)], turn_lead[max(first - 1, 0)]
-    x = total[first - 1] if first > 0 else 0.0
+        return state[SUM + n - 1]
+    before, before_lead = 0.0, 0.0
+    x = 0.0
+    if first > 0:
+        before, before_lead, x = state[HEAD + first - 1], state[LEADS + first - 1], state[SUM + first - 1]
     for k in range(first, n):
-        at, at_lead, side = turn[k], turn_lead[k], -s
+        at, at_lead, side = state[HEAD + k], state[LEADS + k], -s
         if (k - first) % 2 == 0:
             side = s
-            at, at_lead = merge(s * at, at_lead, u, lead)
+            at, at_lead = merge(fr.table, s * at, at_lead, u, lead)
             at *= s
         if k > 0:
             x += _leg(fr, k, side, side * at, at_lead, side * before, before_lead)
         before, before_lead = at, at_lead
         if keep:
-            turn[k], turn_lead[k], total[k] = at, at_lead, x
+            state[HEAD + k], state[LEADS + k], state[SUM + k] = at, at_lead, x
     return x
 
 
@@ -169,13 +217,16 @@ def _fraction(state, fr, field):  # type: ignore[no-untyped-def]
     """x+ [-] at a turned field [d]."""
     n, s = int(state[DEPTH]), state[DIRECTION]
     u, lead, l, lead_l = state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD]
-    last, last_lead = s * state[HEAD + n - 1], state[HEAD + TURNS + n - 1]
+    last, last_lead = s * state[HEAD + n - 1], state[LEADS + n - 1]
     x = fr.initial + _history(state, fr, u, lead, False)
     x += _leg(fr, n, s, u, lead, last, last_lead)
+    f, per_c, per_m, reach = fr.cells, fr.per_c, fr.per_m, fr.reach
+    if state[SLAVED] > 0.0:
+        return x - s * _equilibrium(fr.table, f, per_c, per_m, reach, s, u, lead, field)
     mirror = 2.0 * field - l
-    down = _equilibrium(fr, s, mirror, lead_l, field)
-    if mirror != u:  # not slaved
-        down += _everett(fr, s, u, lead, l, lead_l) - _everett(fr, s, mirror, lead_l, l, lead_l)
+    down = _equilibrium(fr.table, f, per_c, per_m, reach, s, mirror, lead_l, field)
+    down += _everett(fr.table, f, per_c, per_m, reach, s, u, lead, l, lead_l)
+    down -= _everett(fr.table, f, per_c, per_m, reach, s, mirror, lead_l, l, lead_l)
     return x - s * down
 
 
@@ -185,20 +236,17 @@ def _close(state, fr, field):  # type: ignore[no-untyped-def]
     while state[DEPTH] >= 2:
         n, s = int(state[DEPTH]), state[DIRECTION]
         u, lead = state[LEADER], state[LEAD]
-        passed, passed_lead = s * state[HEAD + n - 2], state[HEAD + TURNS + n - 2]
-        if passed > u + 1.0 or (passed > u and relative_attempts(passed, passed_lead, u) > _CLOSED):
+        passed, passed_lead = s * state[HEAD + n - 2], state[LEADS + n - 2]
+        if passed > u + 1.0 or (passed > u and relative_attempts(fr.table, passed, passed_lead, u) > _CLOSED):
             return
-        slaved = state[FOLLOWER] == 2.0 * field - u
         x = s * _fraction(state, fr, field)
-        top, top_lead = merge(passed, passed_lead, u, lead)
+        top, top_lead = merge(fr.table, passed, passed_lead, u, lead)
         if n == 2:  # in a virgin specimen the other side's extreme goes on to count
-            for column in range(2):
-                state[HEAD + column * TURNS] = state[HEAD + column * TURNS + 1]
-            state[HEAD + 2 * TURNS] = 0.0
+            state[HEAD], state[LEADS] = state[HEAD + 1], state[LEADS + 1]
         state[DEPTH] = max(n - 2, 1)
         low, high, share = 0.0, 1.0, 0.0
         for trial in range(50):
-            _place(state, u + share * (top - u), lead + share * (top_lead - lead), slaved, field)
+            _place(state, u + share * (top - u), lead + share * (top_lead - lead), field)
             miss = s * _fraction(state, fr, field) - x
             if trial == 0:
                 low_miss = miss
@@ -222,9 +270,10 @@ def _close(state, fr, field):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _place(state, u, lead, slaved, field):  # type: ignore[no-untyped-def]
+def _place(state, u, lead, field):  # type: ignore[no-untyped-def]
+    """Put the leader somewhere; a slaved follower goes with it."""
     state[LEADER], state[LEAD] = u, lead
-    if slaved:
+    if state[SLAVED] > 0.0:
         state[FOLLOWER], state[FOLLOWER_LEAD] = 2.0 * field - u, lead
 
 
@@ -237,13 +286,13 @@ def _turn(state, fr, field):  # type: ignore[no-untyped-def]
     n = int(state[DEPTH])
     if n == TURNS:
         n -= 2
-        total = state[HEAD + 2 * TURNS + n - 1]
-    total += _leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[HEAD + TURNS + n - 1])
-    state[HEAD + n], state[HEAD + TURNS + n], state[HEAD + 2 * TURNS + n] = s * u, lead, total
+        total = state[SUM + n - 1]
+    total += _leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
+    state[HEAD + n], state[LEADS + n], state[SUM + n] = s * u, lead, total
     state[DEPTH] = n + 1
     state[DIRECTION] = -s
-    leader, lead = -state[FOLLOWER], state[FOLLOWER_LEAD]
-    _place(state, leader, lead, True, -field)
+    state[SLAVED] = 1.0
+    _place(state, -state[FOLLOWER], state[FOLLOWER_LEAD], -field)
 
 
 @njit(cache=True, error_model="numpy")
@@ -253,16 +302,18 @@ def _substep(state, fr, start, end, duration):  # type: ignore[no-untyped-def]
     y0, y1 = s * start, s * end
     u, lead = state[LEADER], state[LEAD]
     follower, follower_lead = state[FOLLOWER], state[FOLLOWER_LEAD]
-    slaved = follower == 2.0 * y0 - u
+    slaved = state[SLAVED] > 0.0 and y1 >= y0  # then the mirror image stays ahead of the follower
     if duration > 0.0:
-        u, lead = move(fr.profile, u, lead, y0, y1, duration)
-        if not (slaved and y1 >= y0):  # else the mirror image stays ahead of the follower
-            moved, follower_lead = move(fr.profile, -follower, follower_lead, -y0, -y1, duration)
-            follower = -moved
+        u, lead = move(fr.table, u, lead, y0, y1, duration)
+        if not slaved:
+            follower, follower_lead = move(fr.table, -follower, follower_lead, -y0, -y1, duration)
+            follower = -follower
     mirror = 2.0 * y1 - u
-    if follower <= mirror or (slaved and y1 >= y0):
+    slaved = slaved or follower <= mirror
+    if slaved:
         follower, follower_lead = mirror, lead
     state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, follower, follower_lead
+    state[SLAVED] = 1.0 if slaved else 0.0
     _close(state, fr, y1)
     if follower > mirror + fr.dead_band and u - y1 > _LEFT_BEHIND:
         _turn(state, fr, y1)
@@ -292,6 +343,7 @@ def _advance(state, fr, end, duration):  # type: ignore[no-untyped-def]
 def virgin(state, fr):  # type: ignore[no-untyped-def]
     """Fill in the state of a virgin specimen at zero field."""
     state[DIRECTION], state[DEPTH], state[FRACTION] = 1.0, 1.0, fr.initial
+    state[SLAVED] = 1.0
     state[HEAD] = _FAR
 
 

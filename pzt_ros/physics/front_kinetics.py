@@ -35,8 +35,10 @@ LOW, HIGH, SHARE, REACH, RATE, LOG, SLOPE, COLUMNS = range(8)
 """Columns of the table over z, see `front_table`; the last is empty, for a row to fill a cache line."""
 
 _NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
-_SMALL = 0.02  # attempts of a piece for which an expansion to second order will do
+_SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
 _SHORT = 0.1  # climb of the field for which the rate is a parabola
+_LONG = 0.3  # climb for which Gauss' rule of three nodes will do
+_GAUSS = math.sqrt(0.15)
 _APART = 1e-8  # relative attempts of a front at another that do not count any more
 
 
@@ -109,7 +111,7 @@ def _smooth(y0, y1, m0, m1, t):  # type: ignore[no-untyped-def]
     return y0 + t * (m0 + t * (3.0 * e - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * e)))
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _rate(table, z):  # type: ignore[no-untyped-def]
     """p(z) from the table, to 1e-5; its slope is p (2 p/sqrt(pi) - 2 z)."""
     if z >= _LAST:
@@ -118,100 +120,111 @@ def _rate(table, z):  # type: ignore[no-untyped-def]
     y0, y1 = table[k, RATE], table[k + 1, RATE]
     z0 = _FIRST + k / _PER_UNIT
     m0 = y0 * (2.0 / _ROOT_PI * y0 - 2.0 * z0) / _PER_UNIT
-    m1 = y1 * (2.0 / _ROOT_PI * y1 - 2.0 * (z0 + 1.0 / _PER_UNIT)) / _PER_UNIT
+    m1 = y1 * (2.0 / _ROOT_PI * y1 - 2.0 * z0 - 2.0 / _PER_UNIT) / _PER_UNIT
     return _smooth(y0, y1, m0, m1, t)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _log_attempts(table, z):  # type: ignore[no-untyped-def]
     """ln Phi(z) from the table."""
+    if z >= _LAST:
+        return math.log(attempts(z))
     k, t = row_of(table, z)
     slope0, slope1 = table[k, SLOPE] / _PER_UNIT, table[k + 1, SLOPE] / _PER_UNIT
     return _smooth(table[k, LOG], table[k + 1, LOG], slope0, slope1, t)
 
 
 @njit(cache=True, error_model="numpy")
-def _lead_of(slope):  # type: ignore[no-untyped-def]
+def _lead_of(table, slope, guess):  # type: ignore[no-untyped-def]
     """The lead z with p(z)/Phi(z) = slope, by Newton steps on the logarithms."""
-    z = 2.0 / slope - 0.5 * slope  # right at both ends
-    for _ in range(6):
-        p = switching_rate(z)
-        own = p / attempts(z)
-        change = math.log(own / slope) / (own - (2.0 * p / _ROOT_PI - 2.0 * z))
+    z = guess
+    for _ in range(20):
+        k, t = row_of(table, z)
+        own = entry(table, k, t, SLOPE)
+        change = math.log(own / slope) / (own - (2.0 / _ROOT_PI * entry(table, k, t, RATE) - 2.0 * z))
         z = min(max(z + change, _FIRST), _LAST)
-        if abs(change) < 1e-7:
+        if abs(change) < 1e-6:
             break
     return z
 
 
 @njit(cache=True, error_model="numpy")
-def _piece(a, start, end, duration):  # type: ignore[no-untyped-def]
-    """Attempts at the threshold a during a linear piece of field, and minus their slope over a."""
+def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
+    """Attempts at the threshold a during a linear piece of field, and minus their first and second slope over a."""
     climb = end - start
+    z = 0.5 * (start + end) - a
     if abs(climb) < _SHORT:
-        z = 0.5 * (start + end) - a
-        p = switching_rate(z)
-        bend = 2.0 * p / _ROOT_PI - 2.0 * z  # p'/p; then p''/p
-        bend2 = bend * (4.0 * p / _ROOT_PI - 2.0 * z) - 2.0
-        return duration * p * (1.0 + bend2 * climb * climb / 24.0), duration * p * bend
+        p = _rate(table, z)
+        bend = 2.0 / _ROOT_PI * p - 2.0 * z  # p'/p; then p''/p
+        bend2 = bend * (4.0 / _ROOT_PI * p - 2.0 * z) - 2.0
+        H = duration * p * (1.0 + bend2 * climb * climb / 24.0)
+        return H, H * bend, H * bend2
+    if abs(climb) < _LONG:
+        H, H1, H2 = 0.0, 0.0, 0.0
+        for node in range(3):  # Gauss' rule
+            y = z + (node - 1) * _GAUSS * climb
+            p = _rate(table, y)
+            bend = 2.0 / _ROOT_PI * p - 2.0 * y
+            share = duration * p * (4.0 / 9.0 if node == 1 else 5.0 / 18.0)
+            H += share
+            H1 += share * bend
+            H2 += share * (bend * (4.0 / _ROOT_PI * p - 2.0 * y) - 2.0)
+        return H, H1, H2
     z0, z1 = start - a, end - a
-    return (
-        duration * (attempts(z1) - attempts(z0)) / climb,
-        duration * (switching_rate(z1) - switching_rate(z0)) / climb,
-    )
+    p0, p1 = switching_rate(z0), switching_rate(z1)
+    bend0, bend1 = p0 * (2.0 / _ROOT_PI * p0 - 2.0 * z0), p1 * (2.0 / _ROOT_PI * p1 - 2.0 * z1)
+    scale = duration / climb
+    return scale * (attempts(z1) - attempts(z0)), scale * (p1 - p0), scale * (bend1 - bend0)
 
 
 @njit(cache=True, error_model="numpy")
 def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     """Position and lead of a front that moves up, after a linear piece of field."""
-    climb = end - start
-    if abs(climb) >= _SHORT:
-        return _move_far(u, lead, start, end, duration)
-    z = 0.5 * (start + end) - u
-    p = _rate(table, z)
-    bend = 2.0 / _ROOT_PI * p - 2.0 * z  # p'/p; then p''/p
-    bend2 = bend * (4.0 / _ROOT_PI * p - 2.0 * z) - 2.0
-    more = duration / HALF * p * (1.0 + bend2 * climb * climb / 24.0)
-    if more > _SMALL:
-        return _move_far(u, lead, start, end, duration)
+    more, fall, fall2 = _piece(table, u, start, end, duration)
     if more < _NO_ATTEMPTS:
         return u, lead
+    more, fall, fall2 = more / HALF, fall / HALF, fall2 / HALF
+    if more > _SMALL:
+        return _move_far(table, u, lead, start, end, duration, more, fall)
     k, t = row_of(table, lead)
     slope = entry(table, k, t, SLOPE)
-    own = 2.0 / _ROOT_PI * entry(table, k, t, RATE) - 2.0 * lead
+    own = 2.0 / _ROOT_PI * entry(table, k, t, RATE) - 2.0 * lead  # p'/p at the lead; then p''/p
     own2 = own * (2.0 * own + 2.0 * lead) - 2.0
-    # (1 - slope y + slope own y^2/2) + more (1 - bend y) = 1
-    first = 1.0 / (slope + more * bend)
-    y = more * first
-    y = (more + 0.5 * slope * own * y * y) * first
-    change = slope * y * (-own + 0.5 * own2 * y) + more * (bend - bend2 * y)
+    # attempts at u + y, in terms of those at u: 1 + more - first y + second y^2/2 - third y^3/6 = 1
+    first, second, third = slope + fall, slope * own + fall2, slope * own2
+    y = more / first
+    for _ in range(2):
+        y -= (more - y * (first - y * (0.5 * second - y * third / 6.0))) / (y * (second - 0.5 * y * third) - first)
+    change = first - y * (second - 0.5 * y * third) - slope
     return u + y, lead + change / (slope * (own - slope))
 
 
 @njit(cache=True, error_model="numpy")
-def _move_far(u, lead, start, end, duration):  # type: ignore[no-untyped-def]
-    more, fall = _piece(u, start, end, duration)
-    if more < _NO_ATTEMPTS:
-        return u, lead
-    scale = HALF / attempts(lead)
+def _move_far(table, u, lead, start, end, duration, more, fall):  # type: ignore[no-untyped-def]
+    """The same by Newton's method on ln H, for pieces that move the front by much of its width or more."""
+    own = _log_attempts(table, lead)
     low, high = u, max(u, start, end) + 12.0
-    a, H, S = u, HALF + more, scale * switching_rate(lead) + fall
+    k, t = row_of(table, lead)
+    a, H, S = u, 1.0 + more, entry(table, k, t, SLOPE) + fall
     for _ in range(80):
-        ahead = math.log(H / HALF) * H / S
+        ahead = math.log(H) * H / S
         if ahead > 0.0:
             low = a
         else:
             high = a
         a += ahead
-        if abs(ahead) < 1e-9:
+        if abs(ahead) < 1e-7:
             break
         if not low < a < high:
             a = 0.5 * (low + high)
-        more, fall = _piece(a, start, end, duration)
+        more, fall, _ = _piece(table, a, start, end, duration)
         z = lead - (a - u)
-        H = max(more + scale * attempts(z), 1e-290)
-        S = max(fall + scale * switching_rate(z), 1e-290)
-    return a, _lead_of(S / HALF)
+        old = exponential(_log_attempts(table, z) - own)
+        k, t = row_of(table, z)
+        H = max(more / HALF + old, 1e-290)
+        S = max(fall / HALF + old * entry(table, k, t, SLOPE), 1e-290)
+    guess = lead if abs(a - u) < 1.0 else 2.0 / S - 0.5 * S
+    return a, _lead_of(table, S, min(max(guess, _FIRST), _LAST))
 
 
 @njit(cache=True, error_model="numpy")
@@ -246,17 +259,4 @@ def merge(table, u, lead, v, lead_v):  # type: ignore[no-untyped-def]
         a += ahead
         if abs(ahead) < 1e-7:
             break
-    return a, _lead_from(table, slope, lead if u > v else lead_v)
-
-
-@njit(cache=True, error_model="numpy")
-def _lead_from(table, slope, z):  # type: ignore[no-untyped-def]
-    """As `_lead_of`, from the table and a first guess."""
-    for _ in range(8):
-        k, t = row_of(table, z)
-        own = entry(table, k, t, SLOPE)
-        change = math.log(own / slope) / (own - (2.0 / _ROOT_PI * entry(table, k, t, RATE) - 2.0 * z))
-        z = min(max(z + change, _FIRST), _LAST)
-        if abs(change) < 1e-7:
-            break
-    return z
+    return a, _lead_of(table, slope, lead if u > v else lead_v)

@@ -38,6 +38,7 @@ VOLTAGE, POLARIZATION, AT_REST, REFERENCE, REFERENCE_BEFORE, STEP, SHARE, HEAD =
 
 _TOLERANCE = 1e-9  # of the voltages around the loop [V]
 _MOST_TRIALS = 60
+_SAME_PERIOD = 1.001  # a step no longer than that many periods of the computer is one of its own
 
 
 class Circuit(NamedTuple):
@@ -50,6 +51,7 @@ class Circuit(NamedTuple):
         elastance: 1/C_r of the reference capacitor [1/F].
         area: of the ceramic's electrodes [m^2].
         compensation: NO_COMPENSATION, LAST or EXTRAPOLATED.
+        period: of the computer that compensates [s].
     """
 
     gain: float
@@ -61,6 +63,7 @@ class Circuit(NamedTuple):
     elastance: float
     area: float
     compensation: int
+    period: float
 
 
 @njit(cache=True)
@@ -70,7 +73,7 @@ def _polycrystal_inverse(state, ceramic, time, p, voltage, x):  # type: ignore[n
 
 
 class Compiled(NamedTuple):
-    """How compiled code runs a kind of ceramic: the link's attribute with its numbers, their type, and two functions."""
+    """How compiled code runs a kind of ceramic: the link's attribute with its numbers, their type, two functions."""
 
     link: type[Any]
     attribute: str
@@ -198,41 +201,56 @@ def _compensation(state: Array, circuit: Circuit, step: float) -> float:
     """What the computer adds to the drive: the capacitor's voltage as last measured, or led on to this sample [V]."""
     if circuit.compensation == NO_COMPENSATION:
         return 0.0
-    if circuit.compensation == LAST or state[STEP] <= 0.0:
+    if circuit.compensation == LAST or state[STEP] <= 0.0 or step > _SAME_PERIOD * circuit.period:
         return state[REFERENCE]
     return state[REFERENCE] + (state[REFERENCE] - state[REFERENCE_BEFORE]) * step / state[STEP]
+
+
+@njit(cache=True)
+def _lateness(circuit: Circuit, step: float) -> float:
+    """The part of a step's change of U_r that the compensation does not know at its end [-].
+
+    All of it where samples are the computer's own. Where they are further apart the computer measures in between, and
+    is one period behind: with the extrapolation not even that.
+    """
+    if circuit.compensation == NO_COMPENSATION or step <= _SAME_PERIOD * circuit.period:
+        return 1.0
+    return circuit.period / step if circuit.compensation == LAST else 0.0
 
 
 @njit(cache=True)
 def _measured(state: Array, circuit: Circuit, time: float, voltage: float, polarization: float) -> None:
     """Keep what a sample ends with."""
     reference = circuit.elastance * circuit.area * (polarization - state[AT_REST])
+    known = (1.0 - _lateness(circuit, time - state[TIME])) * (reference - state[REFERENCE])
+    state[INPUT] += known
+    state[LAGGED] += known
     state[REFERENCE_BEFORE], state[REFERENCE] = state[REFERENCE], reference
     state[STEP], state[TIME] = time - state[TIME], time
     state[VOLTAGE], state[POLARIZATION], state[OUTPUT] = voltage, polarization, voltage + reference
 
 
 @njit(cache=True)
-def _shared_out(state, elastance, area, ceramic, trial, one, output):  # type: ignore[no-untyped-def]
-    """Voltage of the ceramic and its polarization when the output is divided between ceramic and capacitor.
+def _shared_out(state, elastance, area, ceramic, trial, one, available):  # type: ignore[no-untyped-def]
+    """Voltage of the ceramic and its polarization when it shares `available` [V] with a capacitor empty so far.
 
     The share that the capacitor takes is nearly the same from sample to sample, so that two or three trials do.
     """
     time, v, p, x = one
     share = state[SHARE]
-    voltage = (output - state[REFERENCE] + share * state[VOLTAGE]) / (1.0 + share)
+    voltage = (available + share * state[VOLTAGE]) / (1.0 + share)
     before, voltage_before = 0.0, 0.0
     for n in range(_MOST_TRIALS):
         trial[:] = state[HEAD:]
         v[0] = voltage
         ceramic_run(trial, ceramic, time, v, p, x)
-        reference = elastance * area * (p[0] - state[AT_REST])
-        miss = voltage + reference - output
+        taken = elastance * area * (p[0] - state[POLARIZATION])
+        miss = voltage + taken - available
         if abs(miss) <= _TOLERANCE * (1.0 + share):
             break
         if n > 0 and abs(voltage - voltage_before) > 1e3 * _TOLERANCE:
-            share = max((reference - before) / (voltage - voltage_before), 0.0)
-        before, voltage_before = reference, voltage
+            share = max((taken - before) / (voltage - voltage_before), 0.0)
+        before, voltage_before = taken, voltage
         voltage -= miss / (1.0 + share)
     state[SHARE] = share
     return voltage, p[0]
@@ -254,7 +272,8 @@ def run_loaded(state, circuit, ceramic, time, command, voltage):  # type: ignore
         demand = circuit.gain * command[k] + _compensation(state, circuit, step)
         output = _output(state, circuit, step, demand)
         one[0][0] = time[k]
-        v, p = _shared_out(state, circuit.elastance, circuit.area, ceramic, trial, one, output)
+        elastance = circuit.elastance * _lateness(circuit, step)
+        v, p = _shared_out(state, elastance, circuit.area, ceramic, trial, one, output - state[REFERENCE])
         most = circuit.current if circuit.current > 0.0 else math.inf
         if circuit.power > 0.0:
             most = min(most, circuit.power / max(abs(output), 1e-3))
@@ -280,9 +299,10 @@ def invert_loaded(state, circuit, ceramic, time, voltage, command):  # type: ign
             return k
         step = time[k] - state[TIME]
         ceramic_run(state[HEAD:], ceramic, time[k : k + 1], voltage[k : k + 1], p, x)
-        reference = circuit.elastance * circuit.area * (p[0] - state[AT_REST])
+        taken = circuit.elastance * _lateness(circuit, step) * circuit.area * (p[0] - state[POLARIZATION])
         compensation = _compensation(state, circuit, step)
-        command[k] = (_demand(state, circuit, step, voltage[k] + reference) - compensation) / circuit.gain
+        demand = _demand(state, circuit, step, voltage[k] + taken + state[REFERENCE])
+        command[k] = (demand - compensation) / circuit.gain
         _measured(state, circuit, time[k], voltage[k], p[0])
     return -1
 
@@ -297,7 +317,6 @@ def _run_discharge(state, resistance, area, ceramic, time, voltage, polarization
             return k
         step = time[k] - state[TIME]
         if step > 0.0:
-            state[AT_REST] = state[POLARIZATION]
             one[0][0] = time[k]
             v, p = _shared_out(state, resistance / step, area, ceramic, trial, one, 0.0)
             state[HEAD:] = trial

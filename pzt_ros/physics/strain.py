@@ -17,7 +17,7 @@ class Electrostriction(Link):
     """Strain as the square of the polarization: S = zeta P^2, y = S times the active length.
 
     The thesis prints zeta = 2.293 for S in percent. It calls the law "in need of further development": measured S over
-    P shows a loop, which this link has not.
+    P shows a loop, which this link has not; `strain_hysteresis` in its place has.
     """
 
     kind: ClassVar[str] = "electrostriction"

@@ -284,6 +284,18 @@ def test_drive_error_with_extrapolation(full: bool, millivolts: float) -> None:
     assert 1e3 * error < millivolts
 
 
+@pytest.mark.parametrize("compensation", ["none", "last", "extrapolated"])
+def test_rows_far_apart_do_not_slow_the_computer_down(compensation: str) -> None:
+    """A drive is linear between its rows: 25 samples a period apart say the same as all of them, to a millivolt."""
+    time, command = np.arange(1, 8001) / RATE, 150.0 * np.arange(1, 8001) / 8000
+    chain = loaded(reference_capacitance=C_R, compensation=compensation)
+    dense, _ = run(chain, time, command)
+    sparse, _ = run(chain, time[24::25], command[24::25])
+    np.testing.assert_allclose(sparse.voltage, dense.voltage[24::25], rtol=0, atol=1e-3)
+    _, back = chain.links[0].invert(chain.links[0].init(Rest()), Signals(time[24::25], sparse.voltage))
+    np.testing.assert_allclose(back.voltage, command[24::25], rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("ceramic", [CERAMIC, load_chain("thesis-p2").links[0]], ids=["lattice", "parametrized"])
 def test_current_limit_holds_and_is_used(ceramic: Ferroelectric) -> None:
     """A jump of the command charges the ceramic with the constant limiting current until it is there."""

@@ -294,5 +294,6 @@ def test_p802_shuttles_get_thinner_towards_higher_fields() -> None:
         run = p802("type3", "0.1 Hz", f"{reversal} V")
         loop = slice(run.ends[FIRST_LEG], run.ends[-2] + 1)
         areas.append(np.trapezoid(run.voltage[loop], run.polarization[loop]))
-    assert np.all(np.diff(areas) < 0)
-    assert areas[-1] > 0
+    assert np.all(np.diff(areas[:-1]) < 0)  # from -40 to 50 V; the last one reaches saturation
+    assert min(areas) > 0
+    assert areas[-1] < 0.05 * areas[0]
