@@ -76,7 +76,8 @@ class SimulatedAmplifier:
 
     def warm_up(self) -> None:
         """Compile now what the first block would have to wait for; the state stays as it is."""
-        self._load.step(self._load_state, Signals(REHEARSAL, np.zeros_like(REHEARSAL)))
+        _, driven = self._amplifier.step(self._amplifier_state, Signals(REHEARSAL, np.zeros_like(REHEARSAL)))
+        self._load.step(self._load_state, driven)
         _current(REHEARSAL, REHEARSAL, 0.0, 0.0)
 
     @property

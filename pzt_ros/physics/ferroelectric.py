@@ -16,5 +16,5 @@ class Ferroelectric(Link, ABC):
 
     section: ClassVar[str] = ACTUATOR
 
-    layer_thickness: float = parameter(1e-4, "m", "thickness of one ceramic layer", symbol="h", bounds=(1e-8, 1.0))
+    layer_thickness: float = parameter(1e-4, "m", "thickness of one ceramic layer", symbol="h", bounds=(1e-8, 0.1))
     electrode_area: float = parameter(2e-3, "m^2", "area of all layers together", symbol="A", bounds=(1e-12, 10.0))

@@ -368,3 +368,65 @@ def run(state, fr, time, voltage, polarization, phase_fraction):  # type: ignore
         phase_fraction[k] = x
         polarization[k] = _polarization(x, field, fr)
     return -1
+
+
+@njit(cache=True, error_model="numpy")
+def _copy(source, target):  # type: ignore[no-untyped-def]
+    """Copy a state, only as deep as its memory is filled."""
+    target[:HEAD] = source[:HEAD]
+    for k in range(int(source[DEPTH])):
+        target[HEAD + k] = source[HEAD + k]
+        target[LEADS + k] = source[LEADS + k]
+        target[SUM + k] = source[SUM + k]
+
+
+@njit(cache=True, error_model="numpy")
+def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
+    """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
+
+    P rises with the voltage, at least as steeply as without switching, and a root lies within +-limit [V] or beyond:
+    then the limit is the answer. The first trial continues with the last sample's slope, then secants; bisection where
+    they leave the bracket or do not halve it in three.
+    """
+    trial_state = state.copy()
+    least_slope = fr.susceptibility / fr.layer_thickness
+    for k in range(time.size):
+        duration = time[k] - state[TIME]
+        if not (duration >= 0.0 and math.isfinite(time[k])):
+            return k
+        start = state[VOLTAGE]
+        known = math.isfinite(target[k])
+        way = target[k] - _polarization(state[FRACTION], start / fr.layer_thickness, fr)
+        v = min(max(start + way / max(state[STEEPNESS], least_slope), -limit), limit) if known else start
+        low, high, checked = -limit, limit, 4.0 * limit
+        slope, v_old, miss_old, miss = least_slope, 0.0, 0.0, 0.0
+        for trial in range(_MAX_TRIALS):
+            _copy(state, trial_state)
+            field = v / fr.layer_thickness
+            x = _advance(trial_state, fr, field, duration)
+            miss = _polarization(x, field, fr) - target[k]
+            if not known or abs(miss) <= tolerance:
+                break
+            if miss < 0.0:
+                low = v
+            else:
+                high = v
+            if high - low <= 1e-15 * limit:
+                break  # also the way out at a limit: the wanted P is out of reach
+            if trial > 0:
+                slope = max((miss - miss_old) / (v - v_old), least_slope)
+            v_old, miss_old = v, miss
+            v = min(max(v - miss / slope, low), high)
+            stuck = v == v_old or -limit < low == v or v == high < limit
+            if trial % 3 == 2:
+                stuck = stuck or high - low > 0.5 * checked
+                checked = high - low
+            if stuck:
+                v = 0.5 * (low + high)
+        trial_state[TIME], trial_state[VOLTAGE] = time[k], v
+        if known and abs(v - start) > 1e-9 * limit:
+            trial_state[STEEPNESS] = max((way + miss) / (v - start), least_slope)
+        _copy(trial_state, state)
+        voltage[k] = v
+        phase_fraction[k] = state[FRACTION]
+    return -1
