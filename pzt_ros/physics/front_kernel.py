@@ -45,6 +45,8 @@ LEADS, SUM, STATE_SIZE = HEAD + TURNS, HEAD + 2 * TURNS, HEAD + 3 * TURNS
 
 _LEFT_BEHIND = 2.0  # [d]; a leader that the field has fallen below by less is still switching
 _CLOSED = 1.2  # relative attempts of a turning point at a leader that has reached it
+_ROOM = 30.0  # [d]; a new leader this far back has not moved at all
+_SAME = 1e-13  # of x+
 _MAX_SUBSTEPS = 100_000
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]; a hundred times what breaks a ceramic
@@ -244,29 +246,31 @@ def _close(state, fr, field):  # type: ignore[no-untyped-def]
         if n == 2:  # in a virgin specimen the other side's extreme goes on to count
             state[HEAD], state[LEADS] = state[HEAD + 1], state[LEADS + 1]
         state[DEPTH] = max(n - 2, 1)
-        low, high, share = 0.0, 1.0, 0.0
-        for trial in range(50):
-            _place(state, u + share * (top - u), lead + share * (top_lead - lead), field)
-            miss = s * _fraction(state, fr, field) - x
-            if trial == 0:
-                low_miss = miss
-            elif trial == 1:
-                high_miss = miss
-            if abs(miss) < 1e-15 or high - low < 1e-13:
-                break
-            if trial == 0:
-                share = 1.0
-                continue
-            if trial > 1:
-                if miss < 0.0:
-                    low, low_miss = share, miss
-                    high_miss *= 0.5  # Illinois: the other end must not get stuck
-                else:
-                    high, high_miss = share, miss
-                    low_miss *= 0.5
-            if not low_miss < 0.0 < high_miss:
-                break
-            share = low + (high - low) * low_miss / (low_miss - high_miss)
+        _settle(state, fr, field, x, top, top_lead)
+
+
+@njit(cache=True, error_model="numpy")
+def _settle(state, fr, field, x, far, far_lead):  # type: ignore[no-untyped-def]
+    """Move the leader towards `far` until turned x+ is what it was, by regula falsi (Illinois)."""
+    s = state[DIRECTION]
+    near, near_lead = state[LEADER], state[LEAD]
+    low, low_miss = 0.0, s * _fraction(state, fr, field) - x
+    if abs(low_miss) < _SAME:
+        return
+    _place(state, far, far_lead, field)
+    high, high_miss = 1.0, s * _fraction(state, fr, field) - x
+    if low_miss * high_miss > 0.0:
+        return  # within rounding: nothing depends on where the leader is
+    for _ in range(60):
+        share = low + (high - low) * low_miss / (low_miss - high_miss)
+        _place(state, near + share * (far - near), near_lead + share * (far_lead - near_lead), field)
+        miss = s * _fraction(state, fr, field) - x
+        if abs(miss) < _SAME:
+            return
+        if miss * low_miss > 0.0:
+            low, low_miss, high_miss = share, miss, 0.5 * high_miss
+        else:
+            high, high_miss, low_miss = share, miss, 0.5 * low_miss
 
 
 @njit(cache=True, error_model="numpy")
@@ -282,6 +286,7 @@ def _turn(state, fr, field):  # type: ignore[no-untyped-def]
     """The leader becomes a turning point and the follower leads; drops the innermost pair when the memory is full."""
     s = state[DIRECTION]
     u, lead = state[LEADER], state[LEAD]
+    x = _fraction(state, fr, field)
     total = _history(state, fr, u, lead, True)
     n = int(state[DEPTH])
     if n == TURNS:
@@ -292,7 +297,10 @@ def _turn(state, fr, field):  # type: ignore[no-untyped-def]
     state[DEPTH] = n + 1
     state[DIRECTION] = -s
     state[SLAVED] = 1.0
-    _place(state, -state[FOLLOWER], state[FOLLOWER_LEAD], -field)
+    leader, lead = -state[FOLLOWER], state[FOLLOWER_LEAD]
+    _place(state, leader, lead, -field)
+    # as a leader it merges with the turning points that it comes near to; it did not as a follower
+    _settle(state, fr, -field, -s * x, leader - _ROOM, lead)
 
 
 @njit(cache=True, error_model="numpy")

@@ -163,9 +163,9 @@ class Parametrized(Ferroelectric):
         Raises:
             BenchError: a time or voltage is missing or no finite number.
         """
-        voltage = _finite(signals.voltage, "voltage", "V")
+        voltage = _finite(signals.voltage, signals.time.size, "voltage", "V")
         after = state.copy()
-        p, x = self._run(after, _finite(signals.time, "time", "s"), voltage)
+        p, x = self._run(after, _finite(signals.time, signals.time.size, "time", "s"), voltage)
         return after, signals.replace(polarization=p, phase_fraction=x)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
@@ -176,9 +176,9 @@ class Parametrized(Ferroelectric):
         Raises:
             BenchError: a time or the polarization is missing, or a time is no finite number.
         """
-        if not signals.polarization.size:
+        if signals.polarization.size != signals.time.size:
             raise BenchError("parametrized: the block has no polarization to invert; set it before calling invert")
-        time = _finite(signals.time, "time", "s")
+        time = _finite(signals.time, signals.time.size, "time", "s")
         target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
         after, voltage, x = state.copy(), np.empty(time.size), np.empty(time.size)
         inverse.run_inverse(after, self.material, time, target, voltage, x)
@@ -200,9 +200,9 @@ class Parametrized(Ferroelectric):
         return p, x
 
 
-def _finite(values: Array, name: str, unit: str) -> Array:
-    if not values.size:
-        raise BenchError(f"parametrized: the block has no {name}; set it before calling step")
+def _finite(values: Array, count: int, name: str, unit: str) -> Array:
+    if values.size != count:
+        raise BenchError(f"parametrized: the block has {count} samples, but {values.size} of {name}; give one for each")
     array = np.ascontiguousarray(values, dtype=np.float64)
     # A sum is four times as fast as a look at each number, and no sum of volts or seconds overflows.
     if not math.isfinite(array.sum()):
