@@ -32,7 +32,7 @@ class Supervisor:
     stopped first and ramps to 0 V, and if it was the amplifier itself, the stack's own relay is waited for.
     """
 
-    def __init__(self, plan: Plan, show: Callable[[dict[str, dict[str, Any]], str], None]) -> None:
+    def __init__(self, plan: Plan, show: Callable[[dict[str, dict[str, Any]]], None]) -> None:
         self.plan = plan
         self._show = show
         self._children: dict[str, Child] = {}
@@ -66,10 +66,9 @@ class Supervisor:
         last = next(reversed(self._children))  # the one that holds the experiment
         while True:
             time.sleep(POLL)
-            self._show(self._status(), "running")
+            self._show(self._status())
             if self._interrupted:
-                self._make_safe()
-                return Outcome(0, "stopped on request; the stage is at 0 V")
+                return Outcome(0, f"stopped on request; {self._make_safe()}")
             dead = [name for name, child in self._children.items() if child.exit_code is not None]
             if dead:
                 return self._ended(dead, last)
@@ -78,13 +77,10 @@ class Supervisor:
         code = self._children[dead[0]].exit_code
         if dead == [last] and code == 0:
             return Outcome(0, "run complete")
+        safe = self._make_safe()
         if code == 2 or (dead == [last] and code == 1):
-            self._make_safe()
             return Outcome(code, self._last_words(dead[0]))
-        self._make_safe()
-        return Outcome(
-            1, f"process '{dead[0]}' died ({_how(code)}); the stage was made safe, see {self.plan.log(dead[0])}"
-        )
+        return Outcome(1, f"process '{dead[0]}' died ({_how(code)}); {safe}; see {self.plan.log(dead[0])}")
 
     def _last_words(self, name: str) -> str:
         """The last line a process wrote that names an error."""
@@ -93,27 +89,30 @@ class Supervisor:
         errors = [line for line in lines if "error" in line.lower()] or lines
         return errors[-1].removeprefix("error: ") if errors else f"process '{name}' gave up without a word"
 
-    def _make_safe(self) -> None:
-        """Commands end, the amplifier ramps to 0 V and says so; without an amplifier, the relay is waited for."""
+    def _make_safe(self) -> str:
+        """Commands end, the amplifier ramps to 0 V, or its relay is waited for; says what is known of the stack."""
         for name in ("experiment", "controller"):
             if name in self._children:
                 self._children[name].ask_to_stop()
         holder = self._children.get("amplifier") or self._children["graph"]
         if holder.exit_code is None:
             holder.stop()
-        elif "plant" in self._children:
-            self._wait_for_relay()
-        self._show(self._status(), "made safe")
+            if holder.status.get("amplifier", {}).get("stack_voltage_V") == 0.0:
+                return "the amplifier brought the stack to 0 V"
+        elif "plant" in self._children and self._discharged_by_relay():
+            return "the amplifier's relay discharged the stack"
+        return "nobody is left who knows the voltage of the stack: look at the amplifier"
 
-    def _wait_for_relay(self) -> None:
-        """Until the plant says 0 V; what it said before the amplifier died does not count."""
+    def _discharged_by_relay(self) -> bool:
+        """Wait until the plant says 0 V; what it said before the amplifier died does not count."""
         plant = self._children["plant"]
         died = time.monotonic()
         deadline = died + self.plan.scenario.limits.declared_safe_time + 5.0
         while plant.exit_code is None and time.monotonic() < deadline:
             if plant.heard.get("plant", 0.0) > died and plant.status["plant"]["stack_voltage_V"] == 0.0:
-                return
+                return True
             time.sleep(POLL)
+        return False
 
     def _stop_all(self) -> None:
         for name in STOP_ORDER:

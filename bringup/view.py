@@ -33,7 +33,7 @@ class TerminalView:
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         self._live.stop()
 
-    def show(self, status: dict[str, dict[str, Any]], _what: str) -> None:
+    def show(self, status: dict[str, dict[str, Any]]) -> None:
         """Take in the latest status of every node."""
         if self._quiet:
             return

@@ -245,7 +245,7 @@ def _close(state, fr, field):  # type: ignore[no-untyped-def]
         top, top_lead = merge(fr.table, passed, passed_lead, u, lead)
         if n == 2:  # in a virgin specimen the other side's extreme goes on to count
             state[HEAD], state[LEADS] = state[HEAD + 1], state[LEADS + 1]
-        state[DEPTH] = max(n - 2, 1)
+        _forget(state, max(n - 2, 1))
         _settle(state, fr, field, x, top, top_lead)
 
 
@@ -259,8 +259,10 @@ def _settle(state, fr, field, x, far, far_lead):  # type: ignore[no-untyped-def]
         return
     _place(state, far, far_lead, field)
     high, high_miss = 1.0, s * _fraction(state, fr, field) - x
-    if low_miss * high_miss > 0.0:
-        return  # within rounding: nothing depends on where the leader is
+    if low_miss * high_miss > 0.0:  # hardly anything depends on where the leader is
+        if abs(low_miss) < abs(high_miss):
+            _place(state, near, near_lead, field)
+        return
     for _ in range(60):
         share = low + (high - low) * low_miss / (low_miss - high_miss)
         _place(state, near + share * (far - near), near_lead + share * (far_lead - near_lead), field)
@@ -291,6 +293,7 @@ def _turn(state, fr, field):  # type: ignore[no-untyped-def]
     n = int(state[DEPTH])
     if n == TURNS:
         n -= 2
+        _forget(state, n)
         total = state[SUM + n - 1]
     total += _leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
     state[HEAD + n], state[LEADS + n], state[SUM + n] = s * u, lead, total
@@ -379,13 +382,21 @@ def run(state, fr, time, voltage, polarization, phase_fraction):  # type: ignore
 
 
 @njit(cache=True, error_model="numpy")
+def _forget(state, n):  # type: ignore[no-untyped-def]
+    """Keep the first n turning points; what lies above is 0, so that equal histories are equal states."""
+    for k in range(n, int(state[DEPTH])):
+        state[HEAD + k], state[LEADS + k], state[SUM + k] = 0.0, 0.0, 0.0
+    state[DEPTH] = n
+
+
+@njit(cache=True, error_model="numpy")
 def _copy(source, target):  # type: ignore[no-untyped-def]
     """Copy a state, only as deep as its memory is filled."""
+    n = int(source[DEPTH])
+    _forget(target, min(n, int(target[DEPTH])))
     target[:HEAD] = source[:HEAD]
-    for k in range(int(source[DEPTH])):
-        target[HEAD + k] = source[HEAD + k]
-        target[LEADS + k] = source[LEADS + k]
-        target[SUM + k] = source[SUM + k]
+    for k in range(n):
+        target[HEAD + k], target[LEADS + k], target[SUM + k] = source[HEAD + k], source[LEADS + k], source[SUM + k]
 
 
 @njit(cache=True, error_model="numpy")

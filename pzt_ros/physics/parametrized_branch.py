@@ -67,7 +67,8 @@ TAIL_LOW: Final = 28  # scaled erfc(-W_LOW) and erfc(W_HIGH)
 TAIL_HIGH: Final = 29
 PAST_GAIN: Final = 30  # by how much x rose in the previous internal step
 PAST_MISS: Final = 31  # and by how much that differed from its quadratic prediction
-STACK: Final = 32
+STEEPNESS: Final = 32  # SLOPE by the thermal width: how sharply the rates depend on w
+STACK: Final = 33
 
 DEPTH: Final = 512
 """Reversal points that fit: 256 nested loops; beyond, the innermost loop is forgotten."""
@@ -99,7 +100,7 @@ def evaluate(state: Array, m: Material, w: float, field: float) -> tuple[float, 
     up, down = (fast, slow) if z >= 0.0 else (slow, fast)
     f_z = up * (_TWO_BY_SQRT_PI * up - 2.0 * z) * xc + down * (_TWO_BY_SQRT_PI * down + 2.0 * z) * x
     f = (up * xc - down * x) / m.relaxation_time
-    f_w = -(f_z * state[SLOPE] / m.thermal_width + (up + down) * x_w) / m.relaxation_time
+    f_w = -(f_z * state[STEEPNESS] + (up + down) * x_w) / m.relaxation_time
     return x, xc, x_w, f, f_w
 
 
@@ -158,6 +159,7 @@ def follow_branch(state: Array, m: Material) -> None:
     span = x_high - x_low if x_low < 0.5 else xc_low - xc_high
 
     state[DIRECTION], state[CENTRE], state[SLOPE] = direction, centre, slope
+    state[STEEPNESS] = slope / m.thermal_width
     state[W_LOW], state[X_LOW], state[XC_LOW] = w_low, x_low, xc_low
     state[W_HIGH], state[X_HIGH], state[XC_HIGH] = w_high, x_high, xc_high
     state[SHIFT] = shift

@@ -20,7 +20,7 @@ from pzt_ros.physics.parametrized_branch import (
     PAST_MISS,
     PAST_W,
     RATE,
-    SLOPE,
+    STEEPNESS,
     STEP,
     TIME,
     W_HIGH,
@@ -54,6 +54,8 @@ _TINY = 1e-200  # far out in a tail nothing moves: 0/0 shall be 0
 # Radau IIA with 3 stages: order 5, L-stable, its last stage is the end of the step (Hairer and Wanner II, IV.5, IV.8).
 _S6 = math.sqrt(6.0)
 _C1, _C2 = (4 - _S6) / 10, (4 + _S6) / 10
+# divided differences over 0, C1, C2, 1
+_BY_C1, _BY_C2, _BY_C12, _BY_C13, _BY_C23 = 1 / _C1, 1 / _C2, 1 / (_C2 - _C1), 1 / (1 - _C1), 1 / (1 - _C2)
 _A11, _A12, _A13 = (88 - 7 * _S6) / 360, (296 - 169 * _S6) / 1800, (-2 + 3 * _S6) / 225
 _A21, _A22, _A23 = (296 + 169 * _S6) / 1800, (88 + 7 * _S6) / 360, (-2 - 3 * _S6) / 225
 _A31, _A32, _A33 = (16 - _S6) / 36, (16 + _S6) / 36, 1 / 9
@@ -74,7 +76,7 @@ def gain(state: Array, end: tuple[float, float, float, float, float]) -> float:
 @compiled
 def weighed(state: Array, m: Material, x_error: float, w_error: float) -> float:
     """The larger of two errors, in terms of x: in a tail x hardly knows the barrier, but the memory does."""
-    per_w = m.accuracy * state[SLOPE] / (_BARRIER_SHARE * m.thermal_width)
+    per_w = m.accuracy / _BARRIER_SHARE * state[STEEPNESS]
     return max(abs(x_error), per_w * abs(w_error))
 
 
@@ -89,9 +91,9 @@ def miss(state: Array, h: float, end: tuple[float, float, float, float, float]) 
 
 
 @compiled
-def curvature(state: Array, m: Material) -> float:
+def curvature(state: Array) -> float:
     """Relative change of the slopes dx/dw and df/dw per change of w, halved as in Taylor's series: a bound."""
-    return 0.5 * state[SLOPE] / m.thermal_width + max(abs(state[W_LOW]), abs(state[W_HIGH]))
+    return 0.5 * state[STEEPNESS] + max(abs(state[W_LOW]), abs(state[W_HIGH]))
 
 
 @compiled
@@ -102,11 +104,11 @@ def _guess(state: Array, h: float) -> tuple[float, float, float]:
     if not 0.0 < h <= 2.0 * past:
         return w3, w3, w3
     w0, w1, w2 = state[PAST_W], state[PAST_W + 1], state[PAST_W + 2]
-    d01 = (w1 - w0) / _C1
-    d12 = (w2 - w1) / (_C2 - _C1)
-    d23 = (w3 - w2) / (1.0 - _C2)
-    d012 = (d12 - d01) / _C2
-    d123 = (d23 - d12) / (1.0 - _C1)
+    d01 = (w1 - w0) * _BY_C1
+    d12 = (w2 - w1) * _BY_C12
+    d23 = (w3 - w2) * _BY_C23
+    d012 = (d12 - d01) * _BY_C2
+    d123 = (d23 - d12) * _BY_C13
     d0123 = d123 - d012
     r = h / past
     s1, s2 = r * _C1, r * _C2
@@ -132,7 +134,7 @@ def radau(state: Array, m: Material, h: float, rate: float) -> tuple[bool, float
     field = state[FIELD]
     field3 = field + h * rate
     field1, field2 = field + _C1 * h * rate, field + _C2 * h * rate
-    bend = curvature(state, m)
+    bend = curvature(state)
     for _ in range(8):
         x1, xc1, g1, f1, j1 = evaluate(state, m, w1, field1)
         x2, xc2, g2, f2, j2 = evaluate(state, m, w2, field2)
@@ -177,8 +179,8 @@ def radau(state: Array, m: Material, h: float, rate: float) -> tuple[bool, float
 @compiled
 def bdf2(
     state: Array, m: Material, h: float, rate: float
-) -> tuple[bool, float, tuple[float, float, float, float, float]]:
-    """One BDF2 step of length h [s], given the step before: accurate enough, w at its end, and `evaluate` there.
+) -> tuple[bool, float, float, tuple[float, float, float, float, float]]:
+    """One BDF2 step of length h [s], given the step before: accurate enough, w at its end, `miss` and `evaluate` there.
 
     The end is carried on from the last iterate by Taylor's series: what that leaves out is less than what Newton's
     method does, and one evaluation will mostly do.
@@ -191,7 +193,7 @@ def bdf2(
     share = 1.0 / (1.0 + 2.0 * ratio)
     carried = ratio * ratio * share * state[PAST_GAIN]
     weight = (1.0 + ratio) * share * h
-    bend = curvature(state, m)
+    bend = curvature(state)
     for _ in range(4):
         end = evaluate(state, m, w, field)
         x, xc, x_w, f, f_w = end
@@ -205,9 +207,9 @@ def bdf2(
             rise = x_w * change * (1.0 - w * change)
             end = x + rise, xc - rise, x_w * (1.0 - 2.0 * w * change), f + f_w * change, f_w
             missed = miss(state, h, end)
-            return weighed(state, m, missed, missed / per_w) <= _FAST_SHARE * m.accuracy, w + change, end
+            return weighed(state, m, missed, missed / per_w) <= _FAST_SHARE * m.accuracy, w + change, missed, end
         w += change
-    return False, w, end
+    return False, w, math.inf, end
 
 
 @compiled
@@ -284,10 +286,17 @@ def _radau_steps(state: Array, m: Material, rate: float, longest: float) -> tupl
 
 @compiled
 def _accept(
-    state: Array, h: float, rate: float, w1: float, w2: float, w3: float, end: tuple[float, float, float, float, float]
+    state: Array,
+    h: float,
+    rate: float,
+    missed: float,
+    w1: float,
+    w2: float,
+    w3: float,
+    end: tuple[float, float, float, float, float],
 ) -> None:
     """Make the end of a step the present point, and the step the past."""
-    state[PAST_MISS] = miss(state, h, end)
+    state[PAST_MISS] = missed
     state[PAST_GAIN] = gain(state, end)
     state[PAST] = h
     state[PAST_W], state[PAST_W + 1], state[PAST_W + 2] = state[W], w1, w2
@@ -302,7 +311,7 @@ def _fast_step(state: Array, m: Material, rate: float, h: float) -> bool:
     past = state[PAST]
     if state[PAST_MISS] > _FAST_SHARE * m.accuracy or not 0.5 * past <= h <= 2.0 * past or h > state[STEP]:
         return False
-    good, w, end = bdf2(state, m, h, rate)
+    good, w, missed, end = bdf2(state, m, h, rate)
     if not good or room(state, w) < 0.0:
         return False
     w0 = state[W]
@@ -310,7 +319,7 @@ def _fast_step(state: Array, m: Material, rate: float, h: float) -> bool:
     bend = (behind - before) / (h + past)  # the parabola through the last three points stands in for the stages
     w1 = w0 + _C1 * h * (behind - (1.0 - _C1) * h * bend)
     w2 = w0 + _C2 * h * (behind - (1.0 - _C2) * h * bend)
-    _accept(state, h, rate, w1, w2, w, end)
+    _accept(state, h, rate, missed, w1, w2, w, end)
     return True
 
 
@@ -339,7 +348,7 @@ def integrate(state: Array, m: Material, rate: float, longest: float, against: b
     if closes:
         h, w = locate(state, m, rate, h, w, False)
     if not (turns or closes):
-        _accept(state, h, rate, w1, w2, w, end)
+        _accept(state, h, rate, miss(state, h, end), w1, w2, w, end)
         return h
     state[FIELD] += h * rate
     state[W] = w

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -89,3 +90,25 @@ def test_duration_must_be_positive(tmp_path: Path) -> None:
 def test_run_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     assert "cannot be written" in refused("scan", "--out", str(tmp_path / "file" / "run"))
+
+
+@pytest.mark.parametrize(
+    ("node", "parameter", "expected"),
+    [
+        ("amplifier", "limits.voltage_max:=900.0", "voltage_max"),
+        ("plant", "rate:=sometimes", "rate 'sometimes' is not one of"),
+        ("observer", "observer:=oracle", "unknown observer 'oracle'"),
+        ("controller", "controller:=pid", "controller 'pid' is unknown"),
+        ("sensor", "chain:=nowhere.yaml", "chain 'nowhere.yaml': no such file"),
+        ("plant", "sample_rate:=fast", "sample_rate"),
+    ],
+)
+def test_node_refuses_a_bad_parameter(node: str, parameter: str, expected: str) -> None:
+    lock = take_domain(None)
+    lock.release()
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(lock.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    command = [sys.executable, "-m", f"pzt_nodes.{node}_node", "--ros-args", "-p", parameter]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert expected in done.stderr.strip().splitlines()[-1]
