@@ -39,7 +39,7 @@ def info(
 def _show(found: dict[str, Any]) -> None:
     console = Console()
     table = Table(title=str(found.get("path", "")), title_justify="left")
-    for name in ("topic", "type", "messages", "rate [Hz]"):
+    for name in ("topic", "type", "messages", "rate, Hz"):
         table.add_column(name, justify="left" if name in ("topic", "type") else "right")
     for topic in found["topics"]:
         rate = topic.get("rate_hz")

@@ -161,7 +161,7 @@ def show(summary: dict[str, Any], page: Path) -> None:
         title = "Tracking error" + (", SIMULATED, against the true displacement" if summary["simulated"] else "")
         table = Table(title=title, title_justify="left")
         table.add_column("controller")
-        for heading in ("RMS [nm]", "RMS [% of stroke]", "max [nm]", "max [% of stroke]", "better than open loop"):
+        for heading in ("RMS, nm", "RMS, % of stroke", "max, nm", "max, % of stroke", "better than open loop"):
             table.add_column(heading, justify="right")
         for row in rows:
             table.add_row(row["name"], *_cells(row))

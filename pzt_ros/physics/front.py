@@ -13,7 +13,7 @@ from pzt_ros.physics import front_kernel as kernel
 from pzt_ros.physics.density import Density, Gaussian, Table
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.front_kinetics import front_table
-from pzt_ros.physics.front_tables import everett
+from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER, everett
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
 from pzt_ros.physics.polycrystal import FIELD_LIMIT, INVERSE_TOLERANCE, QUASI_STATIC_RATE
@@ -99,10 +99,10 @@ class Front(Ferroelectric):
         table, width = everett(self.coercive, self.interaction), self.thermal_width
         return kernel.Fronts(
             table=_shared_table(),
-            cells=table.cells,
-            per_c=0.5 * width / table.spacing_c,
-            per_m=0.5 * width / table.spacing_m,
-            reach=table.reach / width,
+            triangle=table.values[TRIANGLE],
+            lower=table.values[LOWER],
+            upper=table.values[UPPER],
+            per=width / table.step,
             initial=table.initial,
             width=width,
             attempt_rate=1.0 / self.relaxation_time,

@@ -58,9 +58,8 @@ class Fronts(NamedTuple):
 
     Attributes:
         table: see front_kinetics.front_table.
-        cells: see front_tables.Everett.
-        per_c, per_m: half a cell per d, along c and along m [1/d].
-        reach: of the table [d].
+        triangle, lower, upper: see front_tables.Everett.
+        per: grid steps per d.
         initial: share of domains up in the virgin state [-].
         width: d [V/m].
         attempt_rate: 1/tau [1/s].
@@ -73,10 +72,10 @@ class Fronts(NamedTuple):
     """
 
     table: Array
-    cells: Array
-    per_c: float
-    per_m: float
-    reach: float
+    triangle: Array
+    lower: Array
+    upper: Array
+    per: float
     initial: float
     width: float
     attempt_rate: float
@@ -97,29 +96,67 @@ def _weights(t):  # type: ignore[no-untyped-def]
     return 1.0 - value, value, slope - t2 + t, slope
 
 
+@njit(cache=True, inline="always", error_model="numpy")
+def _locate(t, last):  # type: ignore[no-untyped-def]
+    """Cell of a position in grid steps, and how far into it."""
+    t = min(max(t, 0.0), last)
+    k = min(int(t), int(last) - 1)
+    return k, t - k
+
+
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _look_up(f, per_c, per_m, reach, s, u, l):  # type: ignore[no-untyped-def]
-    """T(u, l) of hard fronts, and far half minus near half of that triangle [-]."""
-    u = min(max(u, -reach), reach)
-    l = min(max(l, -reach), reach)  # noqa: E741
-    p = max((u - l) * per_c, 0.0)
-    q = f.shape[1] // 2 - s * (u + l) * per_m
-    i, j = int(p), int(q)
-    a0, a1, a2, a3 = _weights(p - i)
-    b0, b1, b2, b3 = _weights(q - j)
-    total = (
-        b0 * (a0 * f[i, j, 0] + a1 * f[i + 1, j, 0] + a2 * f[i, j, 1] + a3 * f[i + 1, j, 1])
-        + b1 * (a0 * f[i, j + 1, 0] + a1 * f[i + 1, j + 1, 0] + a2 * f[i, j + 1, 1] + a3 * f[i + 1, j + 1, 1])
-        + b2 * (a0 * f[i, j, 2] + a1 * f[i + 1, j, 2] + a2 * f[i, j, 3] + a3 * f[i + 1, j, 3])
-        + b3 * (a0 * f[i, j + 1, 2] + a1 * f[i + 1, j + 1, 2] + a2 * f[i, j + 1, 3] + a3 * f[i + 1, j + 1, 3])
+def _contract(f, i, j, a0, a1, a2, a3, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
+    """Bicubic Hermite sum over a cell with the weights of u (a) and l (b)."""
+    n = np.uint64(f.shape[0])
+    i, j = np.uint64(i), np.uint64(j)  # Numba spares the test for negative indices
+    k, m = i + np.uint64(1), j + np.uint64(1)
+    return (
+        a0 * (b0 * f[i, j, 0] + b1 * f[i, m, 0] + b2 * f[i, j, 2] + b3 * f[i, m, 2])
+        + a1 * (b0 * f[k, j, 0] + b1 * f[k, m, 0] + b2 * f[k, j, 2] + b3 * f[k, m, 2])
+        + a2 * (b0 * f[i, j, 1] + b1 * f[i, m, 1] + b2 * f[i, j, 3] + b3 * f[i, m, 3])
+        + a3 * (b0 * f[k, j, 1] + b1 * f[k, m, 1] + b2 * f[k, j, 3] + b3 * f[k, m, 3])
     )
-    difference = (
-        b0 * (a0 * f[i, j, 4] + a1 * f[i + 1, j, 4] + a2 * f[i, j, 5] + a3 * f[i + 1, j, 5])
-        + b1 * (a0 * f[i, j + 1, 4] + a1 * f[i + 1, j + 1, 4] + a2 * f[i, j + 1, 5] + a3 * f[i + 1, j + 1, 5])
-        + b2 * (a0 * f[i, j, 6] + a1 * f[i + 1, j, 6] + a2 * f[i, j, 7] + a3 * f[i + 1, j, 7])
-        + b3 * (a0 * f[i, j + 1, 6] + a1 * f[i + 1, j + 1, 6] + a2 * f[i, j + 1, 7] + a3 * f[i + 1, j + 1, 7])
-    )
-    return total, s * difference
+
+
+@njit(cache=True, error_model="numpy")
+def _hard(f, u, l):  # type: ignore[no-untyped-def]
+    """A share for hard fronts at u and l [grid steps]."""
+    if u <= l:
+        return 0.0
+    last = f.shape[0] - 1.0
+    i, s = _locate(u, last)
+    j, t = _locate(l, last)
+    a0, a1, a2, a3 = _weights(s)
+    b0, b1, b2, b3 = _weights(t)
+    return _contract(f, i, j, a0, a1, a2, a3, b0, b1, b2, b3)
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _mean(f, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
+    """Mean share of four pairs of hard fronts: u1 has the weight w and u2 the rest, l1 v and l2 the rest [grid steps].
+
+    Mostly both u and both l share a cell; one sum over it then does for all four.
+    """
+    if max(u1, u2) <= min(l1, l2):
+        return 0.0
+    last = f.shape[0] - 1.0
+    i, s1 = _locate(u1, last)
+    i2, s2 = _locate(u2, last)
+    j, t1 = _locate(l1, last)
+    j2, t2 = _locate(l2, last)
+    if i != i2 or j != j2 or min(u1, u2) < max(l1, l2):
+        first = v * _hard(f, u1, l1) + (1.0 - v) * _hard(f, u1, l2)
+        second = v * _hard(f, u2, l1) + (1.0 - v) * _hard(f, u2, l2)
+        return w * first + (1.0 - w) * second
+    a0, a1, a2, a3 = _weights(s1)
+    c0, c1, c2, c3 = _weights(s2)
+    b0, b1, b2, b3 = _weights(t1)
+    d0, d1, d2, d3 = _weights(t2)
+    rest = 1.0 - w
+    a0, a1, a2, a3 = w * a0 + rest * c0, w * a1 + rest * c1, w * a2 + rest * c2, w * a3 + rest * c3
+    rest = 1.0 - v
+    b0, b1, b2, b3 = v * b0 + rest * d0, v * b1 + rest * d1, v * b2 + rest * d2, v * b3 + rest * d3
+    return _contract(f, i, j, a0, a1, a2, a3, b0, b1, b2, b3)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -129,52 +166,54 @@ def _places(table, u, lead):  # type: ignore[no-untyped-def]
     return u + entry(table, k, t, LOW), u + entry(table, k, t, HIGH), entry(table, k, t, SHARE)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _everett(table, f, per_c, per_m, reach, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
+@njit(cache=True, error_model="numpy")
+def _everett(table, f, per, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     """T of fronts with profiles [-]."""
     u1, u2, w = _places(table, u, lead)
     l1, l2, v = _places(table, -l, lead_l)
-    if u2 + l2 <= 0.0:
-        return 0.0
-    t11, _ = _look_up(f, per_c, per_m, reach, s, u1, -l1)
-    t12, _ = _look_up(f, per_c, per_m, reach, s, u1, -l2)
-    t21, _ = _look_up(f, per_c, per_m, reach, s, u2, -l1)
-    t22, _ = _look_up(f, per_c, per_m, reach, s, u2, -l2)
-    return w * (v * t11 + (1.0 - v) * t12) + (1.0 - w) * (v * t21 + (1.0 - v) * t22)
+    middle = 0.5 * (f.shape[0] - 1)
+    if s > 0.0:
+        return _mean(f, middle + u1 * per, middle + u2 * per, w, middle - l1 * per, middle - l2 * per, v)
+    return _mean(f, middle + l1 * per, middle + l2 * per, v, middle - u1 * per, middle - u2 * per, w)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _equilibrium(table, f, per_c, per_m, reach, s, u, lead, field):  # type: ignore[no-untyped-def]
-    """Share of the domains between a front and its mirror image at the field that are down: the far half.
+@njit(cache=True, error_model="numpy")
+def _equilibrium(table, lower, upper, per, s, u, lead, field):  # type: ignore[no-untyped-def]
+    """Share of the domains between a front and its mirror image at the field that are down: the far half [-].
 
-    (T + far - near)/2, T with the profiles of both, so that this and the same for the mirrored front add up to T: the
-    two fronts may then change roles without a jump.
+    This and the same for the mirrored front add up to T: the two fronts may change roles without a jump.
     """
     u1, u2, w = _places(table, u - field, lead)
     if u2 <= 0.0:
         return 0.0
-    t11, d1 = _look_up(f, per_c, per_m, reach, s, field + u1, field - u1)
-    t12, _ = _look_up(f, per_c, per_m, reach, s, field + u1, field - u2)
-    t21, _ = _look_up(f, per_c, per_m, reach, s, field + u2, field - u1)
-    t22, d2 = _look_up(f, per_c, per_m, reach, s, field + u2, field - u2)
-    return 0.5 * (w * (w * t11 + (1.0 - w) * (t12 + t21) + d1) + (1.0 - w) * ((1.0 - w) * t22 + d2))
+    u1, u2 = u1 * per, u2 * per
+    at = 0.5 * (lower.shape[0] - 1) + s * field * per
+    half = lower if s > 0.0 else upper
+    return _mean(half, at + u1, at + u2, w, at - u1, at - u2, w)
 
 
 @njit(cache=True, error_model="numpy")
 def _virgin(fr, s, u, l):  # type: ignore[no-untyped-def]
     """Turned x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
-    top = max(u, -l)
-    total, difference = _look_up(fr.cells, fr.per_c, fr.per_m, fr.reach, s, top, -top)
+    middle = 0.5 * (fr.triangle.shape[0] - 1)
+    up, down = (fr.lower, fr.upper) if s > 0.0 else (fr.upper, fr.lower)
     if u > -l:
-        return 0.5 * (total + difference)
-    return _look_up(fr.cells, fr.per_c, fr.per_m, fr.reach, s, u, l)[0] - 0.5 * (total - difference)
+        return _hard(up, middle + u * fr.per, middle - u * fr.per)
+    if s < 0.0:
+        u, l, = -l, -u
+        return _hard(fr.triangle, middle + u * fr.per, middle + l * fr.per) - _hard(
+            down, middle + u * fr.per, middle - u * fr.per
+        )
+    return _hard(fr.triangle, middle + u * fr.per, middle + l * fr.per) - _hard(
+        down, middle - l * fr.per, middle + l * fr.per
+    )
 
 
 @njit(cache=True, error_model="numpy")
 def _leg(fr, k, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     """What the way from turning point k - 1 (at l) to k (at u) adds to x, in turned positions."""
     if k > 1:
-        return s * _everett(fr.table, fr.cells, fr.per_c, fr.per_m, fr.reach, s, u, lead, l, lead_l)
+        return s * _everett(fr.table, fr.triangle, fr.per, s, u, lead, l, lead_l)
     u1, u2, w = _places(fr.table, u, lead)
     l1, l2, v = _places(fr.table, -l, lead_l)
     first = v * _virgin(fr, s, u1, -l1) + (1.0 - v) * _virgin(fr, s, u1, -l2)
@@ -222,13 +261,12 @@ def _fraction(state, fr, field):  # type: ignore[no-untyped-def]
     last, last_lead = s * state[HEAD + n - 1], state[LEADS + n - 1]
     x = fr.initial + _history(state, fr, u, lead, False)
     x += _leg(fr, n, s, u, lead, last, last_lead)
-    f, per_c, per_m, reach = fr.cells, fr.per_c, fr.per_m, fr.reach
     if state[SLAVED] > 0.0:
-        return x - s * _equilibrium(fr.table, f, per_c, per_m, reach, s, u, lead, field)
+        return x - s * _equilibrium(fr.table, fr.lower, fr.upper, fr.per, s, u, lead, field)
     mirror = 2.0 * field - l
-    down = _equilibrium(fr.table, f, per_c, per_m, reach, s, mirror, lead_l, field)
-    down += _everett(fr.table, f, per_c, per_m, reach, s, u, lead, l, lead_l)
-    down -= _everett(fr.table, f, per_c, per_m, reach, s, mirror, lead_l, l, lead_l)
+    down = _equilibrium(fr.table, fr.lower, fr.upper, fr.per, s, mirror, lead_l, field)
+    down += _everett(fr.table, fr.triangle, fr.per, s, u, lead, l, lead_l)
+    down -= _everett(fr.table, fr.triangle, fr.per, s, mirror, lead_l, l, lead_l)
     return x - s * down
 
 

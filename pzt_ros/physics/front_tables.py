@@ -1,13 +1,13 @@
-"""What the front model looks up: the Everett function of a polycrystal, and the profile of a switching front.
+"""What the front model looks up: the Everett function of a polycrystal.
 
 Fields are thresholds here: a domain (E_c, E_e) switches up at a = E_c - E_e and down at b = -E_c - E_e. The Everett
 function T(u, l) is the share of domains with a < u and b > l, a triangle in the (E_c, E_e) plane: its base is E_c = 0,
-its tip lies at E_c = c = (u - l)/2, E_e = m = -(u + l)/2. The line through the tip that halves it, E_e = m, separates
+its tip lies at E_c = c = (u - l)/2, E_e = m = -(u + l)/2. The line E_e = m through the tip halves it:
 
-    upper(c, m) = int_0^c f1(x) [F2(m + c - x) - F2(m)] dx,    lower(c, m) = int_0^c f1(x) [F2(m) - F2(m - c + x)] dx.
+    T(u, l) = int_0^c f1(x) [F2(-l - x) - F2(x - u)] dx,        lower(u, l) = int_0^c f1(x) [F2(m) - F2(x - u)] dx.
 
-Any densities f1 of E_c and f2 of E_e will do. The tables know neither rate nor temperature, so parameter sets that
-share the densities share the table; one costs 0.1 to 0.3 ms where the spreads are alike.
+Any densities f1 of E_c and f2 of E_e will do. The table knows neither rate nor temperature, so parameter sets that
+share the densities share the table; one costs about 0.2 ms where the spreads are alike, a few ms where they are not.
 """
 
 from __future__ import annotations
@@ -26,25 +26,30 @@ from pzt_ros.physics.signals import Array
 CUT = 5.0
 """Standard deviations kept of a Gaussian."""
 
-_POINTS_PER_SIGMA = 4.0
-_MAX_CELLS = 384
-"""In the direction of c; it bounds memory to 20 MB where one spread is far below the other."""
+_STEP = 0.35
+"""Grid step over the narrower standard deviation: interpolation is then good to 1e-5."""
+
+_MAX_POINTS = 384
+"""Along an axis; it bounds memory to 14 MB where one spread is far below the other."""
+
+TRIANGLE, LOWER, UPPER = range(3)
+"""Which share: of the triangle, of its half below the line through the tip, of that above."""
 
 
 class Everett(NamedTuple):
     """The Everett function on a grid, for bicubic Hermite interpolation.
 
     Attributes:
-        cells: shape (nc + 1, 2 nm + 1, 8); of sum and of lower - upper each: value, times the spacing d/dc, d/dm, d2/dc dm.
-        spacing_c, spacing_m: of the grid [V/m]; c starts at 0, m at -nm spacing_m.
-        reach: no domain switches beyond +-reach [V/m].
+        values: shape (3, n, n, 4): of TRIANGLE, LOWER, UPPER, for every u and l, the value and, times the step, its
+            derivatives by u, by l, and by both.
+        step: of the grid [V/m].
+        reach: the grid goes from -reach to reach [V/m]; no domain switches beyond.
         initial: share of the domains with E_e >= 0, which a virgin specimen has up [-].
         mean: of the interaction field [V/m].
     """
 
-    cells: Array
-    spacing_c: float
-    spacing_m: float
+    values: Array
+    step: float
     reach: float
     initial: float
     mean: float
@@ -52,25 +57,21 @@ class Everett(NamedTuple):
 
 @functools.lru_cache(maxsize=64)
 def everett(coercive: Density, interaction: Density) -> Everett:
-    """Tabulate the Everett function of two independent densities; a spread narrower than 3 cells is widened to that."""
+    """Tabulate the Everett function of two independent densities; a spread below 2 steps of the grid is widened."""
     narrowest = min(_sigma(coercive), _sigma(interaction))
-    step = max(narrowest / _POINTS_PER_SIGMA, _reach(coercive, interaction) / _MAX_CELLS)
-    coercive, interaction = _widened(coercive, 3 * step), _widened(interaction, 3 * step)
-    reach = _reach(coercive, interaction)
-    ratio = max(1, int(_sigma(interaction) / _POINTS_PER_SIGMA / step + 1e-9))
-    rows_m = math.ceil(reach / (step * ratio)) + 1
-    rows_c = math.ceil(reach / step) + 1
-
-    half = np.arange(2 * rows_c + 1) * (step / 2)
-    f1, _ = _sampled(coercive, half)
-    count = 2 * (rows_m * ratio + rows_c)
-    v = np.arange(-count, count + 1) * (step / 2)
-    f2, F2 = _sampled(interaction, v)
-    cells = np.zeros((rows_c + 1, 2 * rows_m + 1, 8))
-    _fill(cells, f1, f2, F2, np.gradient(f2), step, ratio)
-    mean = float(np.sum(v * f2) / np.sum(f2))
-    initial = 1.0 - float(F2[count])
-    return Everett(cells, step, step * ratio, reach, initial, mean)
+    step = max(_STEP * narrowest, 2 * _reach(coercive, interaction) / _MAX_POINTS)
+    coercive, interaction = _widened(coercive, 2 * step), _widened(interaction, 2 * step)
+    half = math.ceil(_reach(coercive, interaction) / step)
+    reach = half * step
+    points = 2 * half + 1
+    barriers = np.arange(4 * half + 1) * (step / 4)
+    fields = np.arange(-4 * half, 4 * half + 1) * (step / 4)
+    f1, _ = _sampled(coercive, barriers)
+    f2, F2 = _sampled(interaction, fields)
+    values = np.zeros((3, points, points, 4))
+    _fill(values, f1, f2, F2, np.gradient(f2, step / 4), step)
+    mean = float(np.sum(fields * f2) / np.sum(f2))
+    return Everett(values, step, reach, 1.0 - float(F2[4 * half]), mean)
 
 
 def _sigma(density: Density) -> float:
@@ -97,7 +98,7 @@ def _sampled(density: Density, grid: Array) -> tuple[Array, Array]:
     if isinstance(density, Gaussian):
         below = special.ndtr((grid - density.centre) / density.sigma)
         return density.at(grid), np.maximum(below - (1.0 - density.mass), 0.0) / density.mass
-    # a table may have features below the spacing: what counts is the share between two points
+    # a table may have features below the step: what counts is the share between two points
     step = grid[1] - grid[0]
     edges = np.concatenate((grid - step / 2, [grid[-1] + step / 2]))
     edges[0] = max(edges[0], grid[0])
@@ -115,42 +116,60 @@ def _cumulative(density: Table, fields: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _fill(cells, f1, f2, F2, change2, step, ratio):  # type: ignore[no-untyped-def]
-    """Integrals from 0 to c by Simpson's rule; f1 on half steps from 0, the others on half steps around 0.
+def _fill(values, f1, f2, F2, change2, step):  # type: ignore[no-untyped-def]
+    """Integrals over the barrier by Simpson's rule; f1 on quarter steps from 0, the others from -reach.
 
-    int_0^c f1(x) g(v - x) dx for all v = m + c grows row by row, and so does int_0^c f1(x) g(v + x) dx for v = m - c.
+    They grow along the grid, int f1(x) g(-l - x) dx with u, int f1(x) g(x - u) dx as l falls, by one rule a point.
     """
-    rows, columns = cells.shape[0], cells.shape[1]
-    nm = columns // 2
-    reach = nm * ratio + rows
-    middle = F2.size // 2
-    grown = np.zeros((6, 2 * reach + 1))
-    sum_f1 = 0.0
-    step_m = step * ratio
-    for i in range(rows):
-        if i > 0:
-            w0, w1, w2 = step / 6 * f1[2 * i - 2], step / 6 * 4 * f1[2 * i - 1], step / 6 * f1[2 * i]
-            sum_f1 += w0 + w1 + w2
-            for v in range(-reach + i, reach - i + 1):
-                k, below, above = v + reach, middle + 2 * v - 2 * i, middle + 2 * v + 2 * i
-                grown[0, k] += w0 * F2[below + 2] + w1 * F2[below + 1] + w2 * F2[below]
-                grown[1, k] += w0 * f2[below + 2] + w1 * f2[below + 1] + w2 * f2[below]
-                grown[2, k] += w0 * change2[below + 2] + w1 * change2[below + 1] + w2 * change2[below]
-                grown[3, k] += w0 * F2[above - 2] + w1 * F2[above - 1] + w2 * F2[above]
-                grown[4, k] += w0 * f2[above - 2] + w1 * f2[above - 1] + w2 * f2[above]
-                grown[5, k] += w0 * change2[above - 2] + w1 * change2[above - 1] + w2 * change2[above]
-        for j in range(-nm, nm + 1):
-            if abs(j) * ratio + i > reach - i:
-                continue  # no domain beyond; nobody looks there
-            m = middle + 2 * ratio * j
-            g = grown[:, ratio * j + i + reach]
-            h = grown[:, ratio * j - i + reach]
-            upper, upper_c, upper_cm = g[0] - F2[m] * sum_f1, g[1], g[2]
-            lower, lower_c, lower_cm = F2[m] * sum_f1 - h[3], h[4], h[5]
-            upper_m, lower_m = g[1] - f2[m] * sum_f1, f2[m] * sum_f1 - h[4]
-            mixed = 2.0 * step_m  # `change2` is per half step
-            put = cells[i, nm + j]
-            put[0], put[4] = upper + lower, lower - upper
-            put[1], put[5] = step * (upper_c + lower_c), step * (lower_c - upper_c)
-            put[2], put[6] = step_m * (upper_m + lower_m), step_m * (lower_m - upper_m)
-            put[3], put[7] = mixed * (upper_cm + lower_cm), mixed * (lower_cm - upper_cm)
+    n = values.shape[1]
+    triangle, lower, upper = values[TRIANGLE], values[LOWER], values[UPPER]
+    rule = (step / 12, step / 3, step / 12)
+    for j in range(n):
+        at = 4 * (n - 1 - j)  # of -l
+        share = slope = 0.0
+        for i in range(j + 1, n):
+            for k in range(3):
+                x = 2 * (i - 1 - j) + k
+                share += rule[k] * f1[x] * F2[at - x]
+                slope += rule[k] * f1[x] * f2[at - x]
+            triangle[i, j, 0], triangle[i, j, 2] = share, -step * slope
+    for i in range(n):
+        at = 4 * (n - 1 - i)  # of -u
+        share = slope = below_c = 0.0
+        for j in range(i, -1, -1):
+            if j < i:
+                for k in range(3):
+                    x = 2 * (i - 1 - j) + k
+                    share += rule[k] * f1[x] * F2[at + x]
+                    slope += rule[k] * f1[x] * f2[at + x]
+                    below_c += rule[k] * f1[x]
+            tip, m = f1[2 * (i - j)], 4 * (n - 1) - 2 * (i + j)
+            triangle[i, j, 0] -= share
+            triangle[i, j, 1] = step * slope
+            triangle[i, j, 3] = -0.5 * step * step * tip * f2[m]
+            median = 0.5 * step * f2[m] * below_c
+            lower[i, j, 0] = F2[m] * below_c - share
+            lower[i, j, 1] = step * slope - median
+            lower[i, j, 2] = -median
+            lower[i, j, 3] = 0.25 * step * step * (change2[m] * below_c - tip * f2[m])
+    _continue(triangle, f1[0], f2, change2, step)
+    _continue(lower, 0.5 * f1[0], f2, change2, step)
+    upper[:] = triangle - lower
+
+
+@njit(cache=True, error_model="numpy")
+def _continue(values, start, f2, change2, step):  # type: ignore[no-untyped-def]
+    """The points just beyond the diagonal, so that cells on it are as smooth as the others.
+
+    Towards c = 0 a share is A c^2 + B c^3, with A = start f2(m): at -c it is 2 A c^2 minus that at c.
+    """
+    n = values.shape[0]
+    c = 0.5 * step
+    for i in range(n - 1):
+        m = 4 * (n - 1) - 2 * (2 * i + 1)
+        A, dA = start * f2[m], start * change2[m]
+        here = values[i + 1, i]
+        values[i, i + 1, 0] = 2.0 * A * c * c - here[0]
+        values[i, i + 1, 1] = -here[2] - step * (2.0 * A * c + dA * c * c)
+        values[i, i + 1, 2] = -here[1] + step * (2.0 * A * c - dA * c * c)
+        values[i, i + 1, 3] = -here[3] - step * step * A

@@ -18,6 +18,8 @@ from pzt_ros.physics.signals import Array
 
 compiled = njit(cache=True, error_model="numpy")
 """Division by zero gives inf or NaN, which the steps test for. No fast math: step and inverse agree to the bit."""
+inlined = njit(cache=True, error_model="numpy", forceinline=True)
+"""The same for what is called once per sample: passing state and material on costs as much as evaluating the model."""
 
 
 class Material(NamedTuple):

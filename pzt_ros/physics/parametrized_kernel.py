@@ -34,6 +34,7 @@ from pzt_ros.physics.parametrized_branch import (
     close_loop,
     compiled,
     evaluate,
+    inlined,
     limits,
     polarization,
     refresh,
@@ -96,7 +97,7 @@ def curvature(state: Array) -> float:
     return 0.5 * state[STEEPNESS] + max(abs(state[W_LOW]), abs(state[W_HIGH]))
 
 
-@compiled
+@inlined
 def _guess(state: Array, h: float) -> tuple[float, float, float]:
     """Stage values of w to start from: the cubic of the previous step carried on, or no change."""
     w3 = state[W]
@@ -176,7 +177,7 @@ def radau(state: Array, m: Material, h: float, rate: float) -> tuple[bool, float
     return False, w1, w2, w3, math.inf
 
 
-@compiled
+@inlined
 def bdf2(
     state: Array, m: Material, h: float, rate: float
 ) -> tuple[bool, float, float, tuple[float, float, float, float, float]]:
@@ -305,7 +306,7 @@ def _accept(
     state[X], state[XC], state[X_W], state[F], state[F_W] = end
 
 
-@compiled
+@inlined
 def _fast_step(state: Array, m: Material, rate: float, h: float) -> bool:
     """Take one BDF2 step if it is good enough and closes no loop."""
     past = state[PAST]
@@ -323,7 +324,7 @@ def _fast_step(state: Array, m: Material, rate: float, h: float) -> bool:
     return True
 
 
-@compiled
+@inlined
 def integrate(state: Array, m: Material, rate: float, longest: float, against: bool) -> float:
     """Go on by at most `longest` [s], up to the next event and through it; returns the time gone [s].
 
@@ -372,7 +373,7 @@ def jump(state: Array, m: Material, field: float) -> None:
         reverse(state, m)
 
 
-@compiled
+@inlined
 def advance(state: Array, m: Material, time: float, field: float) -> None:
     """Go on to `time` [s] along the straight line to `field` [V/m]; no time left means a jump of the field."""
     duration = time - state[TIME]
