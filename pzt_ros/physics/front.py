@@ -13,7 +13,7 @@ from pzt_ros.physics import front_kernel as kernel
 from pzt_ros.physics.density import Density, Gaussian, Table
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.front_kinetics import front_table
-from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER, everett
+from pzt_ros.physics.front_tables import everett
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
 from pzt_ros.physics.polycrystal import FIELD_LIMIT, INVERSE_TOLERANCE, QUASI_STATIC_RATE
@@ -99,9 +99,7 @@ class Front(Ferroelectric):
         table, width = everett(self.coercive, self.interaction), self.thermal_width
         return kernel.Fronts(
             table=_shared_table(),
-            triangle=table.values[TRIANGLE],
-            lower=table.values[LOWER],
-            upper=table.values[UPPER],
+            shares=table.values,
             per=width / table.step,
             initial=table.initial,
             width=width,

@@ -32,13 +32,14 @@ from pzt_ros.physics.front_kinetics import (
     relative_attempts,
     row_of,
 )
+from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER
 from pzt_ros.physics.signals import Array
 
 TURNS = 512
 """Turning points that fit into the memory: 256 pairs."""
 
 TIME, VOLTAGE, STEEPNESS, FRACTION, DIRECTION, DEPTH, LEADER, LEAD, FOLLOWER, FOLLOWER_LEAD, SLAVED, HEAD = range(12)
-"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], +1 or -1, number of
+"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], +1, -1 or 0 (virgin), number of
 turning points; leader and follower with their leads [units of d], on which follow TURNS positions, leads and sums."""
 
 LEADS, SUM, STATE_SIZE = HEAD + TURNS, HEAD + 2 * TURNS, HEAD + 3 * TURNS
@@ -58,7 +59,7 @@ class Fronts(NamedTuple):
 
     Attributes:
         table: see front_kinetics.front_table.
-        triangle, lower, upper: see front_tables.Everett.
+        shares: see front_tables.Everett.values.
         per: grid steps per d.
         initial: share of domains up in the virgin state [-].
         width: d [V/m].
@@ -72,9 +73,7 @@ class Fronts(NamedTuple):
     """
 
     table: Array
-    triangle: Array
-    lower: Array
-    upper: Array
+    shares: Array
     per: float
     initial: float
     width: float
@@ -105,58 +104,67 @@ def _locate(t, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _contract(f, i, j, a0, a1, a2, a3, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
+def _contract(f, share, i, j, a, b):  # type: ignore[no-untyped-def]
     """Bicubic Hermite sum over a cell with the weights of u (a) and l (b)."""
-    n = np.uint64(f.shape[0])
     i, j = np.uint64(i), np.uint64(j)  # Numba spares the test for negative indices
     k, m = i + np.uint64(1), j + np.uint64(1)
+    b0, b1, b2, b3 = b
     return (
-        a0 * (b0 * f[i, j, 0] + b1 * f[i, m, 0] + b2 * f[i, j, 2] + b3 * f[i, m, 2])
-        + a1 * (b0 * f[k, j, 0] + b1 * f[k, m, 0] + b2 * f[k, j, 2] + b3 * f[k, m, 2])
-        + a2 * (b0 * f[i, j, 1] + b1 * f[i, m, 1] + b2 * f[i, j, 3] + b3 * f[i, m, 3])
-        + a3 * (b0 * f[k, j, 1] + b1 * f[k, m, 1] + b2 * f[k, j, 3] + b3 * f[k, m, 3])
+        a[0] * (b0 * f[share, i, j, 0] + b1 * f[share, i, m, 0] + b2 * f[share, i, j, 2] + b3 * f[share, i, m, 2])
+        + a[1] * (b0 * f[share, k, j, 0] + b1 * f[share, k, m, 0] + b2 * f[share, k, j, 2] + b3 * f[share, k, m, 2])
+        + a[2] * (b0 * f[share, i, j, 1] + b1 * f[share, i, m, 1] + b2 * f[share, i, j, 3] + b3 * f[share, i, m, 3])
+        + a[3] * (b0 * f[share, k, j, 1] + b1 * f[share, k, m, 1] + b2 * f[share, k, j, 3] + b3 * f[share, k, m, 3])
     )
 
 
 @njit(cache=True, error_model="numpy")
-def _hard(f, u, l):  # type: ignore[no-untyped-def]
+def _hard(f, share, u, l):  # type: ignore[no-untyped-def]
     """A share for hard fronts at u and l [grid steps]."""
     if u <= l:
         return 0.0
-    last = f.shape[0] - 1.0
+    last = f.shape[1] - 1.0
     i, s = _locate(u, last)
     j, t = _locate(l, last)
-    a0, a1, a2, a3 = _weights(s)
-    b0, b1, b2, b3 = _weights(t)
-    return _contract(f, i, j, a0, a1, a2, a3, b0, b1, b2, b3)
+    return _contract(f, share, i, j, _weights(s), _weights(t))
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _mixed(w, s1, s2):  # type: ignore[no-untyped-def]
+    """Weights of two places in one cell."""
+    a0, a1, a2, a3 = _weights(s1)
+    b0, b1, b2, b3 = _weights(s2)
+    return b0 + w * (a0 - b0), b1 + w * (a1 - b1), b2 + w * (a2 - b2), b3 + w * (a3 - b3)
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _mean(f, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
-    """Mean share of four pairs of hard fronts: u1 has the weight w and u2 the rest, l1 v and l2 the rest [grid steps].
+def _mean(f, share, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
+    """Mean of four pairs of hard fronts: u1 has the weight w and u2 the rest, l1 v and l2 the rest [grid steps].
 
-    Mostly both u and both l share a cell; one sum over it then does for all four.
+    Mostly both u and both l lie in a cell; one sum over it then does for all four.
     """
     if max(u1, u2) <= min(l1, l2):
         return 0.0
-    last = f.shape[0] - 1.0
+    last = f.shape[1] - 1.0
     i, s1 = _locate(u1, last)
     i2, s2 = _locate(u2, last)
     j, t1 = _locate(l1, last)
     j2, t2 = _locate(l2, last)
-    if i != i2 or j != j2 or min(u1, u2) < max(l1, l2):
-        first = v * _hard(f, u1, l1) + (1.0 - v) * _hard(f, u1, l2)
-        second = v * _hard(f, u2, l1) + (1.0 - v) * _hard(f, u2, l2)
-        return w * first + (1.0 - w) * second
-    a0, a1, a2, a3 = _weights(s1)
-    c0, c1, c2, c3 = _weights(s2)
-    b0, b1, b2, b3 = _weights(t1)
-    d0, d1, d2, d3 = _weights(t2)
-    rest = 1.0 - w
-    a0, a1, a2, a3 = w * a0 + rest * c0, w * a1 + rest * c1, w * a2 + rest * c2, w * a3 + rest * c3
-    rest = 1.0 - v
-    b0, b1, b2, b3 = v * b0 + rest * d0, v * b1 + rest * d1, v * b2 + rest * d2, v * b3 + rest * d3
-    return _contract(f, i, j, a0, a1, a2, a3, b0, b1, b2, b3)
+    if min(u1, u2) >= max(l1, l2):
+        if i == i2 and j == j2:
+            return _contract(f, share, i, j, _mixed(w, s1, s2), _mixed(v, t1, t2))
+        if i == i2:
+            a = _mixed(w, s1, s2)
+            return v * _contract(f, share, i, j, a, _weights(t1)) + (1.0 - v) * _contract(
+                f, share, i, j2, a, _weights(t2)
+            )
+        if j == j2:
+            b = _mixed(v, t1, t2)
+            return w * _contract(f, share, i, j, _weights(s1), b) + (1.0 - w) * _contract(
+                f, share, i2, j, _weights(s2), b
+            )
+    first = v * _hard(f, share, u1, l1) + (1.0 - v) * _hard(f, share, u1, l2)
+    second = v * _hard(f, share, u2, l1) + (1.0 - v) * _hard(f, share, u2, l2)
+    return w * first + (1.0 - w) * second
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -166,58 +174,53 @@ def _places(table, u, lead):  # type: ignore[no-untyped-def]
     return u + entry(table, k, t, LOW), u + entry(table, k, t, HIGH), entry(table, k, t, SHARE)
 
 
-@njit(cache=True, error_model="numpy")
-def _everett(table, f, per, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always", error_model="numpy")
+def _everett(fr, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     """T of fronts with profiles [-]."""
-    u1, u2, w = _places(table, u, lead)
-    l1, l2, v = _places(table, -l, lead_l)
-    middle = 0.5 * (f.shape[0] - 1)
-    if s > 0.0:
-        return _mean(f, middle + u1 * per, middle + u2 * per, w, middle - l1 * per, middle - l2 * per, v)
-    return _mean(f, middle + l1 * per, middle + l2 * per, v, middle - u1 * per, middle - u2 * per, w)
+    u1, u2, w = _places(fr.table, u, lead)
+    l1, l2, v = _places(fr.table, -l, lead_l)
+    middle, per = 0.5 * (fr.shares.shape[1] - 1), fr.per
+    u1, u2, l1, l2 = u1 * per, u2 * per, l1 * per, l2 * per
+    if s < 0.0:
+        u1, u2, w, l1, l2, v = l1, l2, v, u1, u2, w
+    return _mean(fr.shares, TRIANGLE, middle + u1, middle + u2, w, middle - l1, middle - l2, v)
 
 
-@njit(cache=True, error_model="numpy")
-def _equilibrium(table, lower, upper, per, s, u, lead, field):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always", error_model="numpy")
+def _equilibrium(fr, s, u, lead, field):  # type: ignore[no-untyped-def]
     """Share of the domains between a front and its mirror image at the field that are down: the far half [-].
 
     This and the same for the mirrored front add up to T: the two fronts may change roles without a jump.
     """
-    u1, u2, w = _places(table, u - field, lead)
-    if u2 <= 0.0:
-        return 0.0
-    u1, u2 = u1 * per, u2 * per
-    at = 0.5 * (lower.shape[0] - 1) + s * field * per
-    half = lower if s > 0.0 else upper
-    return _mean(half, at + u1, at + u2, w, at - u1, at - u2, w)
+    u1, u2, w = _places(fr.table, u - field, lead)
+    u1, u2 = u1 * fr.per, u2 * fr.per
+    at = 0.5 * (fr.shares.shape[1] - 1) + s * field * fr.per
+    return _mean(fr.shares, LOWER if s > 0.0 else UPPER, at + u1, at + u2, w, at - u1, at - u2, w)
 
 
 @njit(cache=True, error_model="numpy")
-def _virgin(fr, s, u, l):  # type: ignore[no-untyped-def]
+def _virgin(f, per, s, u, l):  # type: ignore[no-untyped-def]
     """Turned x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
-    middle = 0.5 * (fr.triangle.shape[0] - 1)
-    up, down = (fr.lower, fr.upper) if s > 0.0 else (fr.upper, fr.lower)
+    middle = 0.5 * (f.shape[1] - 1)
+    up, down = (LOWER, UPPER) if s > 0.0 else (UPPER, LOWER)
     if u > -l:
-        return _hard(up, middle + u * fr.per, middle - u * fr.per)
+        return _hard(f, up, middle + u * per, middle - u * per)
+    before = _hard(f, down, middle - l * per, middle + l * per)
     if s < 0.0:
-        u, l, = -l, -u
-        return _hard(fr.triangle, middle + u * fr.per, middle + l * fr.per) - _hard(
-            down, middle + u * fr.per, middle - u * fr.per
-        )
-    return _hard(fr.triangle, middle + u * fr.per, middle + l * fr.per) - _hard(
-        down, middle - l * fr.per, middle + l * fr.per
-    )
+        u, l = -l, -u
+    return _hard(f, TRIANGLE, middle + u * per, middle + l * per) - before
 
 
 @njit(cache=True, error_model="numpy")
 def _leg(fr, k, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     """What the way from turning point k - 1 (at l) to k (at u) adds to x, in turned positions."""
     if k > 1:
-        return s * _everett(fr.table, fr.triangle, fr.per, s, u, lead, l, lead_l)
+        return s * _everett(fr, s, u, lead, l, lead_l)
     u1, u2, w = _places(fr.table, u, lead)
     l1, l2, v = _places(fr.table, -l, lead_l)
-    first = v * _virgin(fr, s, u1, -l1) + (1.0 - v) * _virgin(fr, s, u1, -l2)
-    second = v * _virgin(fr, s, u2, -l1) + (1.0 - v) * _virgin(fr, s, u2, -l2)
+    f, per = fr.shares, fr.per
+    first = v * _virgin(f, per, s, u1, -l1) + (1.0 - v) * _virgin(f, per, s, u1, -l2)
+    second = v * _virgin(f, per, s, u2, -l1) + (1.0 - v) * _virgin(f, per, s, u2, -l2)
     return s * (w * first + (1.0 - w) * second)
 
 
@@ -262,11 +265,10 @@ def _fraction(state, fr, field):  # type: ignore[no-untyped-def]
     x = fr.initial + _history(state, fr, u, lead, False)
     x += _leg(fr, n, s, u, lead, last, last_lead)
     if state[SLAVED] > 0.0:
-        return x - s * _equilibrium(fr.table, fr.lower, fr.upper, fr.per, s, u, lead, field)
+        return x - s * _equilibrium(fr, s, u, lead, field)
     mirror = 2.0 * field - l
-    down = _equilibrium(fr.table, fr.lower, fr.upper, fr.per, s, mirror, lead_l, field)
-    down += _everett(fr.table, fr.triangle, fr.per, s, u, lead, l, lead_l)
-    down -= _everett(fr.table, fr.triangle, fr.per, s, mirror, lead_l, l, lead_l)
+    down = _equilibrium(fr, s, mirror, lead_l, field)
+    down += _everett(fr, s, u, lead, l, lead_l) - _everett(fr, s, mirror, lead_l, l, lead_l)
     return x - s * down
 
 
@@ -370,11 +372,8 @@ def _substep(state, fr, start, end, duration):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _advance(state, fr, end, duration):  # type: ignore[no-untyped-def]
-    """Take the state through a linear ramp to the field `end` [V/m] in `duration` [s]; returns x+."""
-    first = state[VOLTAGE] / fr.layer_thickness / fr.width
-    last = end / fr.width
-    time = duration * fr.attempt_rate
+def _advance_far(state, fr, first, last, time):  # type: ignore[no-untyped-def]
+    """Any ramp between two fields [d], in substeps; returns x+."""
     count = int(min(max(math.ceil(abs(last - first) / fr.field_step), 1.0), _MAX_SUBSTEPS))
     if time == 0.0:
         count = 1
@@ -383,7 +382,36 @@ def _advance(state, fr, end, duration):  # type: ignore[no-untyped-def]
         after = last if k == count else first + (last - first) * k / count
         _substep(state, fr, before, after, time / count)
         before = after
-    x = min(max(_fraction(state, fr, state[DIRECTION] * last), 0.0), 1.0)
+    return _fraction(state, fr, state[DIRECTION] * last)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _advance(state, fr, end, duration):  # type: ignore[no-untyped-def]
+    """Take the state through a linear ramp to the field `end` [V/m] in `duration` [s]; returns x+.
+
+    The usual case goes without detours: a short step onwards, with no turning point near.
+    """
+    first, last = state[VOLTAGE] / fr.layer_thickness / fr.width, end / fr.width
+    time = duration * fr.attempt_rate
+    if state[DIRECTION] == 0.0:  # virgin: the first move decides who leads
+        state[DIRECTION] = 1.0 if last >= first else -1.0
+        state[HEAD] = state[DIRECTION] * _FAR
+    s, n = state[DIRECTION], int(state[DEPTH])
+    climb = s * (last - first)
+    done = False
+    x = 0.0
+    if n > 1 and state[SLAVED] > 0.0 and 0.0 <= climb <= fr.field_step and time > 0.0:
+        y = s * last
+        u, lead = move(fr.table, state[LEADER], state[LEAD], s * first, y, time)
+        row, t = row_of(fr.table, lead)
+        if s * state[HEAD + n - 2] >= u + max(entry(fr.table, row, t, REACH), 1.0):
+            state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, 2.0 * y - u, lead
+            x = _everett(fr, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
+            x = fr.initial + state[SUM + n - 1] + s * (x - _equilibrium(fr, s, u, lead, y))
+            done = True
+    if not done:
+        x = _advance_far(state, fr, first, last, time)
+    x = min(max(x, 0.0), 1.0)
     state[FRACTION] = x
     return x
 
@@ -391,9 +419,7 @@ def _advance(state, fr, end, duration):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def virgin(state, fr):  # type: ignore[no-untyped-def]
     """Fill in the state of a virgin specimen at zero field."""
-    state[DIRECTION], state[DEPTH], state[FRACTION] = 1.0, 1.0, fr.initial
-    state[SLAVED] = 1.0
-    state[HEAD] = _FAR
+    state[DEPTH], state[SLAVED], state[FRACTION] = 1.0, 1.0, fr.initial
 
 
 @njit(cache=True, error_model="numpy")

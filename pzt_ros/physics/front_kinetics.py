@@ -31,8 +31,8 @@ _ROOT_PI = math.sqrt(math.pi)
 
 _FIRST, _LAST = -12.0, 40.0
 _PER_UNIT = 32
-LOW, HIGH, SHARE, REACH, RATE, LOG, SLOPE, COLUMNS = range(8)
-"""Columns of the table over z, see `front_table`; the last is empty, for a row to fill a cache line."""
+LOW, HIGH, SHARE, REACH, RATE, LOG, SLOPE, STEEPEN, COLUMNS = range(9)
+"""Columns of the table over z, see `front_table`."""
 
 _NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
 _SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
@@ -45,7 +45,7 @@ _APART = 1e-8  # relative attempts of a front at another that do not count any m
 def front_table() -> Array:
     """What depends on one z, for z = -12, -12 + 1/32, ... 40; shape (n, 8).
 
-    RATE: p; LOG: ln Phi; SLOPE: p/Phi, its derivative.
+    RATE: p; LOG: ln Phi; SLOPE: p/Phi, its derivative; STEEPEN: 1 over the derivative of that.
     LOW, HIGH, SHARE: a front with lead z stands for two hard ones, at u + LOW (this share of it) and u + HIGH. They are
     the Gauss rule for the distribution of hard fronts 1 - exp(-H): mean, width and skewness are right.
     REACH: how far ahead of u a front of lead z has made attempts that count.
@@ -65,7 +65,7 @@ def front_table() -> Array:
     skew = (deviation**3 @ weight) / sigma**3
     root = np.sqrt(1 + skew**2 / 4)
     rate = 1 / special.erfcx(z)
-    table = np.zeros((z.size, COLUMNS + 1))
+    table = np.zeros((z.size, COLUMNS))
     table[:, LOW] = mean + sigma * (skew / 2 - root)
     table[:, HIGH] = mean + sigma * (skew / 2 + root)
     table[:, SHARE] = 0.5 * (1 + skew / 2 / root)
@@ -73,6 +73,7 @@ def front_table() -> Array:
     table[:, RATE] = rate
     table[:, LOG] = log_attempts
     table[:, SLOPE] = rate / np.exp(log_attempts)
+    table[:, STEEPEN] = 1.0 / (table[:, SLOPE] * (2 / _ROOT_PI * rate - 2 * z - table[:, SLOPE]))
     return table
 
 
@@ -98,20 +99,20 @@ def row_of(table, z):  # type: ignore[no-untyped-def]
     return k, s - k
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, inline="always", error_model="numpy", fastmath={"contract"})
 def entry(table, k, t, column):  # type: ignore[no-untyped-def]
     """An entry of the table, linear between rows."""
     return table[k, column] + t * (table[k + 1, column] - table[k, column])
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, inline="always", error_model="numpy", fastmath={"contract"})
 def _smooth(y0, y1, m0, m1, t):  # type: ignore[no-untyped-def]
     """Cubic Hermite between values y with slopes m (times 1/32)."""
     e = y1 - y0
     return y0 + t * (m0 + t * (3.0 * e - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * e)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _rate(table, z):  # type: ignore[no-untyped-def]
     """p(z) from the table, to 1e-5; its slope is p (2 p/sqrt(pi) - 2 z)."""
     if z >= _LAST:
@@ -148,7 +149,7 @@ def _lead_of(table, slope, guess):  # type: ignore[no-untyped-def]
     return z
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
     """Attempts at the threshold a during a linear piece of field, and minus their first and second slope over a."""
     climb = end - start
@@ -177,7 +178,7 @@ def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
     return scale * (attempts(z1) - attempts(z0)), scale * (p1 - p0), scale * (bend1 - bend0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     """Position and lead of a front that moves up, after a linear piece of field."""
     more, fall, fall2 = _piece(table, u, start, end, duration)
@@ -192,11 +193,12 @@ def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     own2 = own * (2.0 * own + 2.0 * lead) - 2.0
     # attempts at u + y, in terms of those at u: 1 + more - first y + second y^2/2 - third y^3/6 = 1
     first, second, third = slope + fall, slope * own + fall2, slope * own2
-    y = more / first
-    for _ in range(2):
-        y -= (more - y * (first - y * (0.5 * second - y * third / 6.0))) / (y * (second - 0.5 * y * third) - first)
-    change = first - y * (second - 0.5 * y * third) - slope
-    return u + y, lead + change / (slope * (own - slope))
+    inverse = 1.0 / first
+    y = more * inverse
+    a, b = 0.5 * second * inverse, third * inverse / 6.0
+    y *= 1.0 + y * (a + y * (2.0 * a * a - b))  # series reversion
+    change = fall - y * (second - 0.5 * y * third)
+    return u + y, lead + change * entry(table, k, t, STEEPEN)
 
 
 @njit(cache=True, error_model="numpy")

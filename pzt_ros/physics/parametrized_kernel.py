@@ -1,6 +1,6 @@
 """Time stepping of the parametrized model: compiled, implicit, with reversals and closures located inside a step.
 
-Two methods share the work. BDF2 costs two evaluations and serves where its error is far below the accuracy, which is
+Two methods share the work. BDF2 costs one evaluation and serves where its error is far below the accuracy, which is
 nearly always at 20 kHz; the 3-stage Radau IIA method does the rest: fronts, steps after an event, rows far apart.
 
 Where E(t) is linear, dx/dt = f on an ascending branch can fall through zero only while E falls, and then once: at f = 0
