@@ -57,10 +57,10 @@ class RecorderNode(GraphNode):
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, about = taken
-                    arrived.append((about["received_timestamp"], about["source_timestamp"], channel, data))
+                    arrived.append((channel, data, about["received_timestamp"], about["source_timestamp"]))
         if self._recording:
-            for received, sent, channel, data in sorted(arrived, key=itemgetter(0)):
-                self._guarded(self._writer.write, channel, data, received, sent)
+            self._guarded(self._writer.write_all, sorted(arrived, key=itemgetter(2)))
+            self.ticks += len(arrived)
 
     def _guarded(self, call: Callable[..., None], *arguments: Any) -> None:
         """Write, unless it has failed before; the first failure is said and counted."""
@@ -68,7 +68,6 @@ class RecorderNode(GraphNode):
             return
         try:
             call(*arguments)
-            self.ticks += bool(arguments)
         except RunFailedError as error:
             self._failed = True
             self.counts[str(error)] += 1

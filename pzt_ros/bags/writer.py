@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -116,11 +116,20 @@ class BagWriter:
         Raises:
             RunFailedError: the disk is full or gone; what was flushed before stays readable, nothing more is written.
         """
-        publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
-        self._guarded(self._mcap.add_message, channel, log_time_ns, data, publish_time_ns)
-        self._counts[channel] += 1
-        self._first = min(self._first, log_time_ns)
-        self._last = max(self._last, log_time_ns)
+        published = log_time_ns if publish_time_ns is None else publish_time_ns
+        self.write_all([(channel, data, log_time_ns, published)])
+
+    def write_all(self, messages: Iterable[tuple[int, bytes, int, int]]) -> None:
+        """Append many messages, each (channel, serialized, log time [ns], publish time [ns]). Raises as `write`."""
+        self._guarded(self._write_all, messages)
+
+    def _write_all(self, messages: Iterable[tuple[int, bytes, int, int]]) -> None:
+        add, counts = self._mcap.add_message, self._counts
+        for channel, data, logged, published in messages:
+            add(channel, logged, data, published)
+            counts[channel] += 1
+            self._first = min(self._first, logged)
+            self._last = max(self._last, logged)
 
     def flush(self) -> None:
         """Close the chunk and hand it to the system: a kill -9 right after loses nothing, a power cut may.

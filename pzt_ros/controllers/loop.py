@@ -12,7 +12,7 @@ import numpy as np
 from pzt_ros.controllers.controller import Controller, Feedback, fade
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.link import ACTUATOR, AMPLIFIER, SENSOR
+from pzt_ros.physics.link import AMPLIFIER
 from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 
@@ -36,7 +36,7 @@ class ControlLoop:
     ) -> None:
         self.controllers = dict(controllers)
         self.handover_time = handover_time
-        self._model = model.section(ACTUATOR, SENSOR)
+        self._model = model.behind_amplifier
         self._amplifier = model.section(AMPLIFIER)
         self._amplifier_state = self._amplifier.init(rest)
         self._model_state = self._model.init(rest)

@@ -11,7 +11,6 @@ from numba import njit
 
 from pzt_ros.observers.observer import Estimate, Observer
 from pzt_ros.physics.chain import Chain, ChainState
-from pzt_ros.physics.link import ACTUATOR, SENSOR
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
@@ -39,13 +38,13 @@ class DisturbanceObserver(Observer):
 
     def init(self, model: Chain, rest: Rest) -> DisturbanceState:
         """Model at rest, disturbance unknown."""
-        return DisturbanceState(model.section(ACTUATOR, SENSOR).init(rest), math.nan)
+        return DisturbanceState(model.behind_amplifier.init(rest), math.nan)
 
     def predict(
         self, model: Chain, state: DisturbanceState, time: Array, voltage: Array
     ) -> tuple[DisturbanceState, Signals]:
         """The model over a block of applied voltage [V]."""
-        memory, predicted = model.section(ACTUATOR, SENSOR).step(state.model, Signals(time, voltage))
+        memory, predicted = model.behind_amplifier.step(state.model, Signals(time, voltage))
         return DisturbanceState(memory, state.disturbance), predicted
 
     def correct(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from pzt_ros.physics.amplifier import told_their_load
-from pzt_ros.physics.link import Link, State
+from pzt_ros.physics.link import ACTUATOR, SENSOR, Link, State
 from pzt_ros.physics.signals import Rest, Signals
 
 ChainState = tuple[State, ...]
@@ -55,6 +56,11 @@ class Chain:
     def section(self, *names: str) -> Chain:
         """The part of the chain that lives in the named sections."""
         return dataclasses.replace(self, links=tuple(link for link in self.links if link.section in names))
+
+    @functools.cached_property
+    def behind_amplifier(self) -> Chain:
+        """What follows the voltage across the ceramic: actuator and sensor."""
+        return self.section(ACTUATOR, SENSOR)
 
     def with_links(self, change: Callable[[Link], Link]) -> Chain:
         """A copy in which every link went through `change`."""

@@ -149,19 +149,8 @@ def _mean(f, share, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
     i2, s2 = _locate(u2, last)
     j, t1 = _locate(l1, last)
     j2, t2 = _locate(l2, last)
-    if min(u1, u2) >= max(l1, l2):
-        if i == i2 and j == j2:
-            return _contract(f, share, i, j, _mixed(w, s1, s2), _mixed(v, t1, t2))
-        if i == i2:
-            a = _mixed(w, s1, s2)
-            return v * _contract(f, share, i, j, a, _weights(t1)) + (1.0 - v) * _contract(
-                f, share, i, j2, a, _weights(t2)
-            )
-        if j == j2:
-            b = _mixed(v, t1, t2)
-            return w * _contract(f, share, i, j, _weights(s1), b) + (1.0 - w) * _contract(
-                f, share, i2, j, _weights(s2), b
-            )
+    if i == i2 and j == j2 and min(u1, u2) >= max(l1, l2):
+        return _contract(f, share, i, j, _mixed(w, s1, s2), _mixed(v, t1, t2))
     first = v * _hard(f, share, u1, l1) + (1.0 - v) * _hard(f, share, u1, l2)
     second = v * _hard(f, share, u2, l1) + (1.0 - v) * _hard(f, share, u2, l2)
     return w * first + (1.0 - w) * second

@@ -91,6 +91,12 @@ def attempts(z):  # type: ignore[no-untyped-def]
     return -_ROOT_PI / 2 * math.log1p(-0.5 * exponential(-z * z) * erfcx_positive(-z))
 
 
+@njit(cache=True, error_model="numpy")
+def _exact_rate(z):  # type: ignore[no-untyped-def]
+    """p(z), compiled once."""
+    return switching_rate(z)
+
+
 @njit(cache=True, inline="always", error_model="numpy")
 def row_of(table, z):  # type: ignore[no-untyped-def]
     """Where z lies in the table: row and fraction of the way to the next."""
@@ -116,7 +122,7 @@ def _smooth(y0, y1, m0, m1, t):  # type: ignore[no-untyped-def]
 def _rate(table, z):  # type: ignore[no-untyped-def]
     """p(z) from the table, to 1e-5; its slope is p (2 p/sqrt(pi) - 2 z)."""
     if z >= _LAST:
-        return switching_rate(z)
+        return _exact_rate(z)
     k, t = row_of(table, z)
     y0, y1 = table[k, RATE], table[k + 1, RATE]
     z0 = _FIRST + k / _PER_UNIT
@@ -172,7 +178,7 @@ def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
             H2 += share * (bend * (4.0 / _ROOT_PI * p - 2.0 * y) - 2.0)
         return H, H1, H2
     z0, z1 = start - a, end - a
-    p0, p1 = switching_rate(z0), switching_rate(z1)
+    p0, p1 = _exact_rate(z0), _exact_rate(z1)
     bend0, bend1 = p0 * (2.0 / _ROOT_PI * p0 - 2.0 * z0), p1 * (2.0 / _ROOT_PI * p1 - 2.0 * z1)
     scale = duration / climb
     return scale * (attempts(z1) - attempts(z0)), scale * (p1 - p0), scale * (bend1 - bend0)
