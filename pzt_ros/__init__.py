@@ -13,8 +13,8 @@ def _place_compiled_code() -> None:
     """Give Numba a cache folder named after our sources.
 
     Numba looks at the file a function stands in, not at what that file imports: after an edit elsewhere it would go on
-    using old code. With the digest of the physics and of all files that compile in the folder's name it cannot. The folder
-    is the user's, so a read-only installation works, too.
+    using old code. With the digest of the physics, and of all files that compile, in the folder's name it cannot. The
+    folder is the user's, so a read-only installation works, too.
     """
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
