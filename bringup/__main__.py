@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from pzt_bringup.cpu_latency import awake_processor
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import RATES, Plan, prepare
 from pzt_bringup.supervisor import Outcome, Supervisor
@@ -63,17 +64,18 @@ def run_graph(
     try:
         plan = Plan(loaded, out.resolve(), composed, RATES[real_time], duration, lock.domain, namespace)
         prepare(plan)
-        with TerminalView(f"{loaded.name} in ROS domain {lock.domain}", quiet) as view:
+        with awake_processor() as awake, TerminalView(f"{loaded.name} in ROS domain {lock.domain}", quiet) as view:
             outcome = Supervisor(plan, view.show).run()
     finally:
         lock.release()
-    _note_end(plan, outcome)
+    _note_end(plan, outcome, awake)
     return outcome
 
 
-def _note_end(plan: Plan, outcome: Outcome) -> None:
+def _note_end(plan: Plan, outcome: Outcome, awake: bool) -> None:
     path = plan.folder / "run.json"
     noted = json.loads(path.read_text(encoding="utf-8"))
+    noted["processor_kept_awake"] = awake
     noted["outcome"] = {"exit_code": outcome.exit_code, "sentence": outcome.sentence, "status": outcome.status}
     path.write_text(json.dumps(noted, indent=1), encoding="utf-8")
 

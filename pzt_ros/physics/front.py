@@ -13,6 +13,7 @@ from pzt_ros.physics import front_kernel as kernel
 from pzt_ros.physics.density import Density, Gaussian, Table
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.front_kinetics import front_table
+from pzt_ros.physics.front_shares import Fronts
 from pzt_ros.physics.front_tables import everett
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
@@ -45,11 +46,17 @@ class Front(Ferroelectric):
         0.5e6, "V/m", "where the coercive fields are densest", symbol="E_c", bounds=(0.0, 1e7)
     )
     coercive_field_spread: float = parameter(
-        5e11, "V^2/m^2", "b1 = 2 sigma^2 of the coercive fields; 0: as narrow as the table allows", symbol="b_1",
+        5e11,
+        "V^2/m^2",
+        "b1 = 2 sigma^2 of the coercive fields; 0: as narrow as the table allows",
+        symbol="b_1",
         bounds=(0.0, 1e14),
     )
     interaction_field_spread: float = parameter(
-        5e11, "V^2/m^2", "b2 = 2 sigma^2 of the interaction fields; 0: as narrow as the table allows", symbol="b_2",
+        5e11,
+        "V^2/m^2",
+        "b2 = 2 sigma^2 of the interaction fields; 0: as narrow as the table allows",
+        symbol="b_2",
         bounds=(0.0, 1e14),
     )
     relaxation_time: float = parameter(
@@ -62,7 +69,7 @@ class Front(Ferroelectric):
     dead_band: float = parameter(
         1.0,
         "1",
-        "by how many thermal widths d a front falls behind before the field counts as turned; keeps noise out of memory",
+        "thermal widths d by which a front falls behind before the field has turned; keeps noise out of memory",
         bounds=(0.01, 10.0),
     )
     accuracy: float = parameter(
@@ -94,17 +101,17 @@ class Front(Ferroelectric):
         return thermal_width(self.reciprocal_permittivity, self.temperature, self.domain_volume)
 
     @cached_property
-    def fronts(self) -> kernel.Fronts:
+    def fronts(self) -> Fronts:
         """What the compiled loops need."""
         table, width = everett(self.coercive, self.interaction), self.thermal_width
-        return kernel.Fronts(
+        return Fronts(
             table=_shared_table(),
             shares=table.values,
             per=width / table.step,
             initial=table.initial,
-            width=width,
+            per_volt=1.0 / (self.layer_thickness * width),
             attempt_rate=1.0 / self.relaxation_time,
-            susceptibility=1.0 / self.reciprocal_permittivity,
+            least_slope=1.0 / (self.reciprocal_permittivity * self.layer_thickness),
             domain_polarization=self.domain_polarization,
             bias=table.mean / self.reciprocal_permittivity,
             layer_thickness=self.layer_thickness,

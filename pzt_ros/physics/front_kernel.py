@@ -8,209 +8,37 @@ position becomes a turning point. A leader that reaches the turning point before
 
 Everything is written for the up-going leader. With s = -1 the same code serves the down-going one, on fields and
 positions times s; turning points are kept as they are. Lengths are in units of d, times in units of tau.
-
-Fronts are not sharp: half of the domains within d or so of a front have switched. Each front therefore counts as two
-hard sub-fronts (front_kinetics.profile_table), and shares are averages over the 2 x 2 pairs.
 """
+
+# ruff: noqa: E741 - u and l are the symbols of the Everett function
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
-from pzt_ros.physics.front_kinetics import (
-    HIGH,
-    LOW,
-    REACH,
-    SHARE,
-    entry,
-    merge,
-    move,
-    relative_attempts,
-    row_of,
-)
-from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER
-from pzt_ros.physics.signals import Array
+from pzt_ros.physics.front_kinetics import REACH, entry, merge, move, relative_attempts, row_of
+from pzt_ros.physics.front_shares import equilibrium, leg
 
 TURNS = 512
 """Turning points that fit into the memory: 256 pairs."""
 
 TIME, VOLTAGE, STEEPNESS, FRACTION, DIRECTION, DEPTH, LEADER, LEAD, FOLLOWER, FOLLOWER_LEAD, SLAVED, HEAD = range(12)
-"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], +1, -1 or 0 (virgin), number of
-turning points; leader and follower with their leads [units of d], on which follow TURNS positions, leads and sums."""
+"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], direction of the leader
+(0: virgin), number of turning points; leader and follower with their leads [d], whether the follower is a mirror image;
+then TURNS positions, leads [d] and sums [-] of the turning points."""
 
 LEADS, SUM, STATE_SIZE = HEAD + TURNS, HEAD + 2 * TURNS, HEAD + 3 * TURNS
 
 _LEFT_BEHIND = 2.0  # [d]; a leader that the field has fallen below by less is still switching
 _CLOSED = 1.2  # relative attempts of a turning point at a leader that has reached it
 _ROOM = 30.0  # [d]; a new leader this far back has not moved at all
-_SAME = 1e-13  # of x+
+_SAME = 1e-12  # of x+
 _MAX_SUBSTEPS = 100_000
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]; a hundred times what breaks a ceramic
 _FAR = 1e6  # [d]; where the turning point before the virgin state lies
-
-
-class Fronts(NamedTuple):
-    """The material as the loops want it.
-
-    Attributes:
-        table: see front_kinetics.front_table.
-        shares: see front_tables.Everett.values.
-        per: grid steps per d.
-        initial: share of domains up in the virgin state [-].
-        width: d [V/m].
-        attempt_rate: 1/tau [1/s].
-        susceptibility: 1/E_1 [C/(V m)].
-        domain_polarization: P_T [C/m^2].
-        bias: polarization that the interaction fields alone would make [C/m^2].
-        layer_thickness: [m].
-        dead_band: [d].
-        field_step: longest substep [d].
-    """
-
-    table: Array
-    shares: Array
-    per: float
-    initial: float
-    width: float
-    attempt_rate: float
-    susceptibility: float
-    domain_polarization: float
-    bias: float
-    layer_thickness: float
-    dead_band: float
-    field_step: float
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _weights(t):  # type: ignore[no-untyped-def]
-    """Cubic Hermite: of both values and of both slopes."""
-    t2 = t * t
-    value = t2 * (3.0 - 2.0 * t)
-    slope = t2 * (t - 1.0)
-    return 1.0 - value, value, slope - t2 + t, slope
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _locate(t, last):  # type: ignore[no-untyped-def]
-    """Cell of a position in grid steps, and how far into it."""
-    t = min(max(t, 0.0), last)
-    k = min(int(t), int(last) - 1)
-    return k, t - k
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _contract(f, share, i, j, a, b):  # type: ignore[no-untyped-def]
-    """Bicubic Hermite sum over a cell with the weights of u (a) and l (b)."""
-    i, j = np.uint64(i), np.uint64(j)  # Numba spares the test for negative indices
-    k, m = i + np.uint64(1), j + np.uint64(1)
-    b0, b1, b2, b3 = b
-    return (
-        a[0] * (b0 * f[share, i, j, 0] + b1 * f[share, i, m, 0] + b2 * f[share, i, j, 2] + b3 * f[share, i, m, 2])
-        + a[1] * (b0 * f[share, k, j, 0] + b1 * f[share, k, m, 0] + b2 * f[share, k, j, 2] + b3 * f[share, k, m, 2])
-        + a[2] * (b0 * f[share, i, j, 1] + b1 * f[share, i, m, 1] + b2 * f[share, i, j, 3] + b3 * f[share, i, m, 3])
-        + a[3] * (b0 * f[share, k, j, 1] + b1 * f[share, k, m, 1] + b2 * f[share, k, j, 3] + b3 * f[share, k, m, 3])
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def _hard(f, share, u, l):  # type: ignore[no-untyped-def]
-    """A share for hard fronts at u and l [grid steps]."""
-    if u <= l:
-        return 0.0
-    last = f.shape[1] - 1.0
-    i, s = _locate(u, last)
-    j, t = _locate(l, last)
-    return _contract(f, share, i, j, _weights(s), _weights(t))
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _mixed(w, s1, s2):  # type: ignore[no-untyped-def]
-    """Weights of two places in one cell."""
-    a0, a1, a2, a3 = _weights(s1)
-    b0, b1, b2, b3 = _weights(s2)
-    return b0 + w * (a0 - b0), b1 + w * (a1 - b1), b2 + w * (a2 - b2), b3 + w * (a3 - b3)
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _mean(f, share, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
-    """Mean of four pairs of hard fronts: u1 has the weight w and u2 the rest, l1 v and l2 the rest [grid steps].
-
-    Mostly both u and both l lie in a cell; one sum over it then does for all four.
-    """
-    if max(u1, u2) <= min(l1, l2):
-        return 0.0
-    last = f.shape[1] - 1.0
-    i, s1 = _locate(u1, last)
-    i2, s2 = _locate(u2, last)
-    j, t1 = _locate(l1, last)
-    j2, t2 = _locate(l2, last)
-    if i == i2 and j == j2 and min(u1, u2) >= max(l1, l2):
-        return _contract(f, share, i, j, _mixed(w, s1, s2), _mixed(v, t1, t2))
-    first = v * _hard(f, share, u1, l1) + (1.0 - v) * _hard(f, share, u1, l2)
-    second = v * _hard(f, share, u2, l1) + (1.0 - v) * _hard(f, share, u2, l2)
-    return w * first + (1.0 - w) * second
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _places(table, u, lead):  # type: ignore[no-untyped-def]
-    """Where the two sub-fronts of a front are, and the share of the first."""
-    k, t = row_of(table, lead)
-    return u + entry(table, k, t, LOW), u + entry(table, k, t, HIGH), entry(table, k, t, SHARE)
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _everett(fr, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
-    """T of fronts with profiles [-]."""
-    u1, u2, w = _places(fr.table, u, lead)
-    l1, l2, v = _places(fr.table, -l, lead_l)
-    middle, per = 0.5 * (fr.shares.shape[1] - 1), fr.per
-    u1, u2, l1, l2 = u1 * per, u2 * per, l1 * per, l2 * per
-    if s < 0.0:
-        u1, u2, w, l1, l2, v = l1, l2, v, u1, u2, w
-    return _mean(fr.shares, TRIANGLE, middle + u1, middle + u2, w, middle - l1, middle - l2, v)
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _equilibrium(fr, s, u, lead, field):  # type: ignore[no-untyped-def]
-    """Share of the domains between a front and its mirror image at the field that are down: the far half [-].
-
-    This and the same for the mirrored front add up to T: the two fronts may change roles without a jump.
-    """
-    u1, u2, w = _places(fr.table, u - field, lead)
-    u1, u2 = u1 * fr.per, u2 * fr.per
-    at = 0.5 * (fr.shares.shape[1] - 1) + s * field * fr.per
-    return _mean(fr.shares, LOWER if s > 0.0 else UPPER, at + u1, at + u2, w, at - u1, at - u2, w)
-
-
-@njit(cache=True, error_model="numpy")
-def _virgin(f, per, s, u, l):  # type: ignore[no-untyped-def]
-    """Turned x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
-    middle = 0.5 * (f.shape[1] - 1)
-    up, down = (LOWER, UPPER) if s > 0.0 else (UPPER, LOWER)
-    if u > -l:
-        return _hard(f, up, middle + u * per, middle - u * per)
-    before = _hard(f, down, middle - l * per, middle + l * per)
-    if s < 0.0:
-        u, l = -l, -u
-    return _hard(f, TRIANGLE, middle + u * per, middle + l * per) - before
-
-
-@njit(cache=True, error_model="numpy")
-def _leg(fr, k, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
-    """What the way from turning point k - 1 (at l) to k (at u) adds to x, in turned positions."""
-    if k > 1:
-        return s * _everett(fr, s, u, lead, l, lead_l)
-    u1, u2, w = _places(fr.table, u, lead)
-    l1, l2, v = _places(fr.table, -l, lead_l)
-    f, per = fr.shares, fr.per
-    first = v * _virgin(f, per, s, u1, -l1) + (1.0 - v) * _virgin(f, per, s, u1, -l2)
-    second = v * _virgin(f, per, s, u2, -l1) + (1.0 - v) * _virgin(f, per, s, u2, -l2)
-    return s * (w * first + (1.0 - w) * second)
 
 
 @njit(cache=True, error_model="numpy")
@@ -238,7 +66,7 @@ def _history(state, fr, u, lead, keep):  # type: ignore[no-untyped-def]
             at, at_lead = merge(fr.table, s * at, at_lead, u, lead)
             at *= s
         if k > 0:
-            x += _leg(fr, k, side, side * at, at_lead, side * before, before_lead)
+            x += leg(fr, k, side, side * at, at_lead, side * before, before_lead)
         before, before_lead = at, at_lead
         if keep:
             state[HEAD + k], state[LEADS + k], state[SUM + k] = at, at_lead, x
@@ -252,12 +80,12 @@ def _fraction(state, fr, field):  # type: ignore[no-untyped-def]
     u, lead, l, lead_l = state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD]
     last, last_lead = s * state[HEAD + n - 1], state[LEADS + n - 1]
     x = fr.initial + _history(state, fr, u, lead, False)
-    x += _leg(fr, n, s, u, lead, last, last_lead)
-    if state[SLAVED] > 0.0:
-        return x - s * _equilibrium(fr, s, u, lead, field)
-    mirror = 2.0 * field - l
-    down = _equilibrium(fr, s, mirror, lead_l, field)
-    down += _everett(fr, s, u, lead, l, lead_l) - _everett(fr, s, mirror, lead_l, l, lead_l)
+    x += leg(fr, n, s, u, lead, last, last_lead)
+    slaved = state[SLAVED] > 0.0
+    mirror = u if slaved else 2.0 * field - l
+    down = equilibrium(fr, s, mirror, lead_l, field)
+    if not slaved:
+        down += s * (leg(fr, 2, s, u, lead, l, lead_l) - leg(fr, 2, s, mirror, lead_l, l, lead_l))
     return x - s * down
 
 
@@ -324,7 +152,7 @@ def _turn(state, fr, field):  # type: ignore[no-untyped-def]
         n -= 2
         _forget(state, n)
         total = state[SUM + n - 1]
-    total += _leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
+    total += leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
     state[HEAD + n], state[LEADS + n], state[SUM + n] = s * u, lead, total
     state[DEPTH] = n + 1
     state[DIRECTION] = -s
@@ -374,33 +202,31 @@ def _advance_far(state, fr, first, last, time):  # type: ignore[no-untyped-def]
     return _fraction(state, fr, state[DIRECTION] * last)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
-def _advance(state, fr, end, duration):  # type: ignore[no-untyped-def]
-    """Take the state through a linear ramp to the field `end` [V/m] in `duration` [s]; returns x+.
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _advance(state, fr, voltage, duration):  # type: ignore[no-untyped-def]
+    """Take the state through a linear ramp to a voltage [V] in `duration` [s]; returns x+.
 
     The usual case goes without detours: a short step onwards, with no turning point near.
     """
-    first, last = state[VOLTAGE] / fr.layer_thickness / fr.width, end / fr.width
+    first, last = state[VOLTAGE] * fr.per_volt, voltage * fr.per_volt
     time = duration * fr.attempt_rate
     if state[DIRECTION] == 0.0:  # virgin: the first move decides who leads
         state[DIRECTION] = 1.0 if last >= first else -1.0
         state[HEAD] = state[DIRECTION] * _FAR
     s, n = state[DIRECTION], int(state[DEPTH])
     climb = s * (last - first)
-    done = False
-    x = 0.0
-    if n > 1 and state[SLAVED] > 0.0 and 0.0 <= climb <= fr.field_step and time > 0.0:
-        y = s * last
+    if state[SLAVED] > 0.0 and 0.0 <= climb <= fr.field_step and time > 0.0:
+        y, opposite, opposite_lead = s * last, s * state[HEAD + n - 1], state[LEADS + n - 1]
+        closing, x = s * state[HEAD + n - 2] if n > 1 else _FAR, fr.initial + state[SUM + n - 1]
         u, lead = move(fr.table, state[LEADER], state[LEAD], s * first, y, time)
         row, t = row_of(fr.table, lead)
-        if s * state[HEAD + n - 2] >= u + max(entry(fr.table, row, t, REACH), 1.0):
+        if closing >= u + max(entry(fr.table, row, t, REACH), 1.0):
+            x += leg(fr, n, s, u, lead, opposite, opposite_lead) - s * equilibrium(fr, s, u, lead, y)
+            x = min(max(x, 0.0), 1.0)
             state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, 2.0 * y - u, lead
-            x = _everett(fr, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
-            x = fr.initial + state[SUM + n - 1] + s * (x - _equilibrium(fr, s, u, lead, y))
-            done = True
-    if not done:
-        x = _advance_far(state, fr, first, last, time)
-    x = min(max(x, 0.0), 1.0)
+            state[FRACTION] = x
+            return x
+    x = min(max(_advance_far(state, fr, first, last, time), 0.0), 1.0)
     state[FRACTION] = x
     return x
 
@@ -412,8 +238,8 @@ def virgin(state, fr):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _polarization(x, field, fr):  # type: ignore[no-untyped-def]
-    return field * fr.susceptibility + fr.bias + (2.0 * x - 1.0) * fr.domain_polarization
+def _polarization(x, voltage, fr):  # type: ignore[no-untyped-def]
+    return voltage * fr.least_slope + fr.bias + (2.0 * x - 1.0) * fr.domain_polarization
 
 
 @njit(cache=True, error_model="numpy")
@@ -422,15 +248,15 @@ def run(state, fr, time, voltage, polarization, phase_fraction):  # type: ignore
 
     Returns the index of the first sample that cannot be used (time runs back, not finite, absurd field), else -1.
     """
+    highest = _NO_SUCH_FIELD * fr.layer_thickness
     for k in range(time.size):
         duration = time[k] - state[TIME]
-        field = voltage[k] / fr.layer_thickness
-        if not (duration >= 0.0 and math.isfinite(time[k]) and abs(field) <= _NO_SUCH_FIELD):
+        if not (duration >= 0.0 and math.isfinite(time[k]) and abs(voltage[k]) <= highest):
             return k
-        x = _advance(state, fr, field, duration)
+        x = _advance(state, fr, voltage[k], duration)
         state[TIME], state[VOLTAGE] = time[k], voltage[k]
         phase_fraction[k] = x
-        polarization[k] = _polarization(x, field, fr)
+        polarization[k] = _polarization(x, voltage[k], fr)
     return -1
 
 
@@ -461,22 +287,21 @@ def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, toleran
     they leave the bracket or do not halve it in three.
     """
     trial_state = state.copy()
-    least_slope = fr.susceptibility / fr.layer_thickness
+    least_slope = fr.least_slope
     for k in range(time.size):
         duration = time[k] - state[TIME]
         if not (duration >= 0.0 and math.isfinite(time[k])):
             return k
         start = state[VOLTAGE]
         known = math.isfinite(target[k])
-        way = target[k] - _polarization(state[FRACTION], start / fr.layer_thickness, fr)
+        way = target[k] - _polarization(state[FRACTION], start, fr)
         v = min(max(start + way / max(state[STEEPNESS], least_slope), -limit), limit) if known else start
         low, high, checked = -limit, limit, 4.0 * limit
         slope, v_old, miss_old, miss = least_slope, 0.0, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
             _copy(state, trial_state)
-            field = v / fr.layer_thickness
-            x = _advance(trial_state, fr, field, duration)
-            miss = _polarization(x, field, fr) - target[k]
+            x = _advance(trial_state, fr, v, duration)
+            miss = _polarization(x, v, fr) - target[k]
             if not known or abs(miss) <= tolerance:
                 break
             if miss < 0.0:

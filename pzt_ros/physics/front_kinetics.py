@@ -6,11 +6,11 @@ below H = (d/(R tau)) Phi((E - a)/d), with
 
     Phi(z) = int_-inf^z dz'/erfcx(z') = sqrt(pi)/2 ln(2/erfc(z)),
 
-which no table is needed for. The front keeps two numbers of the profile H(a): the position u where H = ln 2 (half of
-the domains have switched) and the lead z for which the profile is that of a ramp, H(a) = ln 2 Phi(z - (a - u)/d)/Phi(z).
-From them it moves on over a linear piece of field of any length: the attempts of the piece are added exactly, the new u
-is where the sum is ln 2, and the new z is that of its slope there. So ramps of any rate, their reversals and long
-holds come out right in one step each; there is no stiff ODE to integrate. (methods.md closes with one number, u.)
+a closed form. The front keeps two numbers of the profile H(a): the position u where H = ln 2 (half of the domains have
+switched) and the lead z for which the profile is that of a ramp, H(a) = ln 2 Phi(z - (a - u)/d)/Phi(z). From them it
+moves on over a linear piece of field of any length: the attempts of the piece are added exactly, the new u is where the
+sum is ln 2, and the new z is that of its slope there. So ramps of any rate, their reversals and long holds come out
+right in one step each; there is no stiff ODE to integrate. (methods.md closes with one number, u.)
 
 All lengths here are in units of the thermal width d, times in units of tau.
 """
@@ -31,7 +31,7 @@ _ROOT_PI = math.sqrt(math.pi)
 
 _FIRST, _LAST = -12.0, 40.0
 _PER_UNIT = 32
-LOW, HIGH, SHARE, REACH, RATE, LOG, SLOPE, STEEPEN, COLUMNS = range(9)
+LOW, HIGH, SHARE, REACH, RATE, RISE, LOG, SLOPE, STEEPEN, COLUMNS = range(10)
 """Columns of the table over z, see `front_table`."""
 
 _NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
@@ -45,7 +45,7 @@ _APART = 1e-8  # relative attempts of a front at another that do not count any m
 def front_table() -> Array:
     """What depends on one z, for z = -12, -12 + 1/32, ... 40; shape (n, 8).
 
-    RATE: p; LOG: ln Phi; SLOPE: p/Phi, its derivative; STEEPEN: 1 over the derivative of that.
+    RATE, RISE: p and p'/32; LOG: ln Phi; SLOPE: p/Phi, its derivative; STEEPEN: 1 over the derivative of that.
     LOW, HIGH, SHARE: a front with lead z stands for two hard ones, at u + LOW (this share of it) and u + HIGH. They are
     the Gauss rule for the distribution of hard fronts 1 - exp(-H): mean, width and skewness are right.
     REACH: how far ahead of u a front of lead z has made attempts that count.
@@ -71,6 +71,7 @@ def front_table() -> Array:
     table[:, SHARE] = 0.5 * (1 + skew / 2 / root)
     table[:, REACH] = z - np.interp(log_attempts + math.log(_APART), log_fine, fine)
     table[:, RATE] = rate
+    table[:, RISE] = rate * (2 / _ROOT_PI * rate - 2 * z) / _PER_UNIT
     table[:, LOG] = log_attempts
     table[:, SLOPE] = rate / np.exp(log_attempts)
     table[:, STEEPEN] = 1.0 / (table[:, SLOPE] * (2 / _ROOT_PI * rate - 2 * z - table[:, SLOPE]))
@@ -124,11 +125,7 @@ def _rate(table, z):  # type: ignore[no-untyped-def]
     if z >= _LAST:
         return _exact_rate(z)
     k, t = row_of(table, z)
-    y0, y1 = table[k, RATE], table[k + 1, RATE]
-    z0 = _FIRST + k / _PER_UNIT
-    m0 = y0 * (2.0 / _ROOT_PI * y0 - 2.0 * z0) / _PER_UNIT
-    m1 = y1 * (2.0 / _ROOT_PI * y1 - 2.0 * z0 - 2.0 / _PER_UNIT) / _PER_UNIT
-    return _smooth(y0, y1, m0, m1, t)
+    return _smooth(table[k, RATE], table[k + 1, RATE], table[k, RISE], table[k + 1, RISE], t)
 
 
 @njit(cache=True, error_model="numpy")

@@ -26,7 +26,7 @@ from pzt_ros.physics.signals import Array
 CUT = 5.0
 """Standard deviations kept of a Gaussian."""
 
-_STEP = 0.35
+_STEP = 0.5
 """Grid step over the narrower standard deviation: interpolation is then good to 1e-5."""
 
 _MAX_POINTS = 384
@@ -64,8 +64,8 @@ def everett(coercive: Density, interaction: Density) -> Everett:
     half = math.ceil(_reach(coercive, interaction) / step)
     reach = half * step
     points = 2 * half + 1
-    barriers = np.arange(4 * half + 1) * (step / 4)
-    fields = np.arange(-4 * half, 4 * half + 1) * (step / 4)
+    barriers: Array = np.arange(4 * half + 1, dtype=np.float64) * (step / 4)
+    fields: Array = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (step / 4)
     f1, _ = _sampled(coercive, barriers)
     f2, F2 = _sampled(interaction, fields)
     values = np.zeros((3, points, points, 4))

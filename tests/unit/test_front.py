@@ -108,7 +108,8 @@ def test_a_jump_takes_no_time_and_moves_no_front():
     there, _ = FRONT.step(state, Signals(time=np.array([end]), voltage=np.array([120.0])))
     _, back = FRONT.step(there, Signals(time=np.array([end]), voltage=np.array([50.0])))
     assert there[kernel.LEADER] == state[kernel.LEADER]
-    assert back.phase_fraction[0] == pytest.approx(state[kernel.FRACTION], abs=2e-3)  # what is in equilibrium goes along
+    # domains that flip to and fro follow at once
+    assert back.phase_fraction[0] == pytest.approx(state[kernel.FRACTION], abs=2e-3)
 
 
 def test_attempts_are_the_integral_of_the_rate():
@@ -134,7 +135,7 @@ def test_everett_table_against_quadrature(spreads):
             return integrate.quad(f, 0, c, points=[min(5e5, c)], epsabs=1e-10)[0]
 
         got = table.values[:, middle + i, middle + j, 0]
-        assert got[TRIANGLE] == pytest.approx(share(lambda x, u=u: x - u, lambda x, l=l: -l - x), abs=3e-6)
+        assert got[TRIANGLE] == pytest.approx(share(lambda x, u=u: x - u, lambda x, low=l: -low - x), abs=3e-6)
         assert got[LOWER] == pytest.approx(share(lambda x, u=u: x - u, lambda x, m=m: m), abs=3e-6)
         assert got[UPPER] == pytest.approx(got[TRIANGLE] - got[LOWER], abs=1e-15)
     assert table.values[TRIANGLE, -1, 0, 0] == pytest.approx(1.0, abs=1e-6)
