@@ -16,18 +16,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from pzt_ros.physics.front_kinetics import REACH, entry, merge, move, relative_attempts, row_of
-from pzt_ros.physics.front_shares import equilibrium, leg
+from pzt_ros.physics.front_shares import equilibrium, everett, leg, places
 
 TURNS = 512
 """Turning points that fit into the memory: 256 pairs."""
 
 TIME, VOLTAGE, STEEPNESS, FRACTION, DIRECTION, DEPTH, LEADER, LEAD, FOLLOWER, FOLLOWER_LEAD, SLAVED, HEAD = range(12)
-"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], direction of the leader
-(0: virgin), number of turning points; leader and follower with their leads [d], whether the follower is a mirror image;
-then TURNS positions, leads [d] and sums [-] of the turning points."""
+"""State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], x+ [-], direction of the
+leader (0: virgin), number of turning points; leader and follower with their leads [d], whether the follower is a mirror
+image; then TURNS positions, leads [d] and sums [-] of the turning points."""
 
 LEADS, SUM, STATE_SIZE = HEAD + TURNS, HEAD + 2 * TURNS, HEAD + 3 * TURNS
 
@@ -83,7 +84,7 @@ def _fraction(state, fr, field):  # type: ignore[no-untyped-def]
     x += leg(fr, n, s, u, lead, last, last_lead)
     slaved = state[SLAVED] > 0.0
     mirror = u if slaved else 2.0 * field - l
-    down = equilibrium(fr, s, mirror, lead_l, field)
+    down = equilibrium(fr.shares, fr.per, s, mirror, places(fr.table, lead_l), field)
     if not slaved:
         down += s * (leg(fr, 2, s, u, lead, l, lead_l) - leg(fr, 2, s, mirror, lead_l, l, lead_l))
     return x - s * down
@@ -189,46 +190,65 @@ def _substep(state, fr, start, end, duration):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _advance_far(state, fr, first, last, time):  # type: ignore[no-untyped-def]
-    """Any ramp between two fields [d], in substeps; returns x+."""
+def _detour(state, fr, time, voltage):  # type: ignore[no-untyped-def]
+    """Go on to a sample in substeps, whatever happens on the way; returns x+."""
+    first, last = state[VOLTAGE] * fr.per_volt, voltage * fr.per_volt
+    duration = (time - state[TIME]) * fr.attempt_rate
+    if state[DIRECTION] == 0.0:  # virgin: the first move decides who leads
+        state[DIRECTION] = 1.0 if last >= first else -1.0
+        state[HEAD] = state[DIRECTION] * _FAR
     count = int(min(max(math.ceil(abs(last - first) / fr.field_step), 1.0), _MAX_SUBSTEPS))
-    if time == 0.0:
+    if duration == 0.0:
         count = 1
     before = first
     for k in range(1, count + 1):
         after = last if k == count else first + (last - first) * k / count
-        _substep(state, fr, before, after, time / count)
+        _substep(state, fr, before, after, duration / count)
         before = after
-    return _fraction(state, fr, state[DIRECTION] * last)
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _advance(state, fr, voltage, duration):  # type: ignore[no-untyped-def]
-    """Take the state through a linear ramp to a voltage [V] in `duration` [s]; returns x+.
-
-    The usual case goes without detours: a short step onwards, with no turning point near.
-    """
-    first, last = state[VOLTAGE] * fr.per_volt, voltage * fr.per_volt
-    time = duration * fr.attempt_rate
-    if state[DIRECTION] == 0.0:  # virgin: the first move decides who leads
-        state[DIRECTION] = 1.0 if last >= first else -1.0
-        state[HEAD] = state[DIRECTION] * _FAR
-    s, n = state[DIRECTION], int(state[DEPTH])
-    climb = s * (last - first)
-    if state[SLAVED] > 0.0 and 0.0 <= climb <= fr.field_step and time > 0.0:
-        y, opposite, opposite_lead = s * last, s * state[HEAD + n - 1], state[LEADS + n - 1]
-        closing, x = s * state[HEAD + n - 2] if n > 1 else _FAR, fr.initial + state[SUM + n - 1]
-        u, lead = move(fr.table, state[LEADER], state[LEAD], s * first, y, time)
-        row, t = row_of(fr.table, lead)
-        if closing >= u + max(entry(fr.table, row, t, REACH), 1.0):
-            x += leg(fr, n, s, u, lead, opposite, opposite_lead) - s * equilibrium(fr, s, u, lead, y)
-            x = min(max(x, 0.0), 1.0)
-            state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, 2.0 * y - u, lead
-            state[FRACTION] = x
-            return x
-    x = min(max(_advance_far(state, fr, first, last, time), 0.0), 1.0)
-    state[FRACTION] = x
+    x = min(max(_fraction(state, fr, state[DIRECTION] * last), 0.0), 1.0)
+    state[FRACTION], state[TIME], state[VOLTAGE] = x, time, voltage
     return x
+
+
+@njit(cache=True, error_model="numpy")
+def _glide(state, fr, k, time, voltage, phase_fraction):  # type: ignore[no-untyped-def]
+    """Go on from sample k while nothing happens: short steps onwards, no turning point near; returns where it ends.
+
+    The same as `_detour` does, without a look at the memory for every sample.
+    """
+    s, n = state[DIRECTION], int(state[DEPTH])
+    if state[SLAVED] == 0.0 or s == 0.0:
+        return k
+    table, f, per = fr.table, fr.shares, fr.per
+    now, field, u, lead, x = state[TIME], s * state[VOLTAGE] * fr.per_volt, state[LEADER], state[LEAD], state[FRACTION]
+    opposite, opposite_lead = s * state[HEAD + n - 1], state[LEADS + n - 1]
+    behind = places(table, opposite_lead)
+    base = fr.initial + state[SUM + n - 1]
+    closing = s * state[HEAD + n - 2] if n > 1 else _FAR
+    start = k
+    while k < time.size:
+        duration = (time[k] - now) * fr.attempt_rate
+        y = s * voltage[k] * fr.per_volt
+        if not (duration > 0.0 and 0.0 <= y - field <= fr.field_step):
+            break
+        moved, moved_lead = move(table, u, lead, field, y, duration)
+        row, t = row_of(table, moved_lead)
+        if closing < moved + max(entry(table, row, t, REACH), 1.0):
+            break
+        u, lead, field, now = moved, moved_lead, y, time[k]
+        profile = places(table, lead)
+        switched = (
+            everett(f, per, s, u, profile, opposite, behind)
+            if n > 1
+            else s * leg(fr, 1, s, u, lead, opposite, opposite_lead)
+        )
+        x = min(max(base + s * (switched - equilibrium(f, per, s, u, profile, y)), 0.0), 1.0)
+        phase_fraction[k] = x
+        k += 1
+    if k > start:
+        state[TIME], state[VOLTAGE], state[FRACTION] = now, voltage[k - 1], x
+        state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, 2.0 * field - u, lead
+    return k
 
 
 @njit(cache=True, error_model="numpy")
@@ -249,15 +269,19 @@ def run(state, fr, time, voltage, polarization, phase_fraction):  # type: ignore
     Returns the index of the first sample that cannot be used (time runs back, not finite, absurd field), else -1.
     """
     highest = _NO_SUCH_FIELD * fr.layer_thickness
-    for k in range(time.size):
-        duration = time[k] - state[TIME]
-        if not (duration >= 0.0 and math.isfinite(time[k]) and abs(voltage[k]) <= highest):
-            return k
-        x = _advance(state, fr, voltage[k], duration)
-        state[TIME], state[VOLTAGE] = time[k], voltage[k]
-        phase_fraction[k] = x
-        polarization[k] = _polarization(x, voltage[k], fr)
-    return -1
+    k, bad = 0, -1
+    while k < time.size:
+        begun = k
+        k = _glide(state, fr, k, time, voltage, phase_fraction)
+        if k == begun:
+            if not (time[k] >= state[TIME] and math.isfinite(time[k]) and abs(voltage[k]) <= highest):
+                bad = k
+                break
+            phase_fraction[k] = _detour(state, fr, time[k], voltage[k])
+            k += 1
+    for j in range(k):
+        polarization[j] = _polarization(phase_fraction[j], voltage[j], fr)
+    return bad
 
 
 @njit(cache=True, error_model="numpy")
@@ -286,11 +310,10 @@ def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, toleran
     then the limit is the answer. The first trial continues with the last sample's slope, then secants; bisection where
     they leave the bracket or do not halve it in three.
     """
-    trial_state = state.copy()
+    trial_state, at, trial_voltage, fraction = state.copy(), np.empty(1), np.empty(1), np.empty(1)
     least_slope = fr.least_slope
     for k in range(time.size):
-        duration = time[k] - state[TIME]
-        if not (duration >= 0.0 and math.isfinite(time[k])):
+        if not (time[k] >= state[TIME] and math.isfinite(time[k])):
             return k
         start = state[VOLTAGE]
         known = math.isfinite(target[k])
@@ -300,7 +323,10 @@ def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, toleran
         slope, v_old, miss_old, miss = least_slope, 0.0, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
             _copy(state, trial_state)
-            x = _advance(trial_state, fr, v, duration)
+            at[0], trial_voltage[0] = time[k], v
+            if _glide(trial_state, fr, 0, at, trial_voltage, fraction) == 0:
+                _detour(trial_state, fr, time[k], v)
+            x = trial_state[FRACTION]
             miss = _polarization(x, v, fr) - target[k]
             if not known or abs(miss) <= tolerance:
                 break
@@ -320,7 +346,6 @@ def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, toleran
                 checked = high - low
             if stuck:
                 v = 0.5 * (low + high)
-        trial_state[TIME], trial_state[VOLTAGE] = time[k], v
         if known and abs(v - start) > 1e-9 * limit:
             trial_state[STEEPNESS] = max((way + miss) / (v - start), least_slope)
         _copy(trial_state, state)

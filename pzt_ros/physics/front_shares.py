@@ -136,7 +136,7 @@ def places(table, lead):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _everett(shares, per, s, u, profile, l, profile_l):  # type: ignore[no-untyped-def]
+def everett(shares, per, s, u, profile, l, profile_l):  # type: ignore[no-untyped-def]
     """T of fronts with profiles [-]."""
     u1, u2, w = profile
     l1, l2, v = profile_l
@@ -147,17 +147,16 @@ def _everett(shares, per, s, u, profile, l, profile_l):  # type: ignore[no-untyp
     return _mean(shares, TRIANGLE, middle + u1, middle + u2, w, middle - l1, middle - l2, v)
 
 
-@njit(cache=True, error_model="numpy")
-def equilibrium(fr, s, u, lead, field):  # type: ignore[no-untyped-def]
+@njit(cache=True, inline="always", error_model="numpy")
+def equilibrium(shares, per, s, u, profile, field):  # type: ignore[no-untyped-def]
     """Share of the domains between a front and its mirror image at the field that are down: the far half [-].
 
     This and the same for the mirrored front add up to T: the two fronts may change roles without a jump.
     """
-    u1, u2, w = places(fr.table, lead)
-    f, per = fr.shares, fr.per
+    u1, u2, w = profile
     u1, u2 = (u - field + u1) * per, (u - field + u2) * per
-    at = 0.5 * (f.shape[1] - 1) + s * field * per
-    return _mean(f, LOWER if s > 0.0 else UPPER, at + u1, at + u2, w, at - u1, at - u2, w)
+    at = 0.5 * (shares.shape[1] - 1) + s * field * per
+    return _mean(shares, LOWER if s > 0.0 else UPPER, at + u1, at + u2, w, at - u1, at - u2, w)
 
 
 @njit(cache=True, error_model="numpy")
@@ -179,7 +178,7 @@ def leg(fr, k, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     table, f, per = fr.table, fr.shares, fr.per
     profile, profile_l = places(table, lead), places(table, lead_l)
     if k > 1:
-        return s * _everett(f, per, s, u, profile, l, profile_l)
+        return s * everett(f, per, s, u, profile, l, profile_l)
     u1, u2, w = u + profile[0], u + profile[1], profile[2]
     l1, l2, v = profile_l[0] - l, profile_l[1] - l, profile_l[2]
     middle = 0.5 * (f.shape[1] - 1)
