@@ -33,8 +33,9 @@ class Front(Ferroelectric):
     nested deeper makes it forget the innermost). It differs from a fine lattice by 0.01 to 0.03 % of x+ rms from 0.1 to
     100 MV/m/s (methods.md 3, docs of front_kinetics), also in holds, where the parametrized model fails.
 
-    State: see front_kernel. What it cannot do: two spreads below about d/2, where the table is too coarse, and drives
-    that turn many times within tau.
+    State: see front_kernel. Limits: a jump of 1 MV/m is followed late for about tau (x+ up to 9 % off within it, 0.1 %
+    after it); barriers of about d, where domains flip to and fro, cost 0.2 %; of spreads that are 0 one at least must
+    not be.
 
     Attributes:
         coercive_density, interaction_density: in place of the Gaussians, a table each.
@@ -121,8 +122,7 @@ class Front(Ferroelectric):
 
     def init(self, rest: Rest) -> State:
         """A virgin specimen (x+ = 0 where E_e < 0, else 1), brought slowly from 0 to the voltage at rest."""
-        state = np.zeros(kernel.STATE_SIZE)
-        kernel.virgin(state, self.fronts)
+        state = kernel.virgin(self.fronts, all_up=self.interaction.spread == 0)
         state[kernel.TIME] = rest.time
         if rest.voltage != 0:
             state[kernel.TIME] -= abs(rest.voltage) / self.layer_thickness / QUASI_STATIC_RATE

@@ -20,7 +20,8 @@ import numpy as np
 from numba import njit
 
 from pzt_ros.physics.front_kinetics import REACH, entry, merge, move, relative_attempts, row_of
-from pzt_ros.physics.front_shares import equilibrium, everett, leg, places
+from pzt_ros.physics.front_shares import Fronts, equilibrium, everett, leg, places
+from pzt_ros.physics.signals import Array
 
 TURNS = 512
 """Turning points that fit into the memory: 256 pairs."""
@@ -40,6 +41,16 @@ _MAX_SUBSTEPS = 100_000
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]; a hundred times what breaks a ceramic
 _FAR = 1e6  # [d]; where the turning point before the virgin state lies
+
+
+def virgin(fr: Fronts, all_up: bool) -> Array:
+    """State at time 0 and zero field: up where E_e >= 0; or all up, which is that where no E_e differs from 0."""
+    state = np.zeros(STATE_SIZE)
+    state[DEPTH], state[SLAVED], state[FRACTION] = 1.0, 1.0, fr.initial
+    if all_up:
+        state[HEAD], state[DIRECTION], state[FRACTION] = _FAR, -1.0, 1.0
+        state[LEADER], state[FOLLOWER] = -_ROOM, _ROOM
+    return state
 
 
 @njit(cache=True, error_model="numpy")
@@ -249,12 +260,6 @@ def _glide(state, fr, k, time, voltage, phase_fraction):  # type: ignore[no-unty
         state[TIME], state[VOLTAGE], state[FRACTION] = now, voltage[k - 1], x
         state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, 2.0 * field - u, lead
     return k
-
-
-@njit(cache=True, error_model="numpy")
-def virgin(state, fr):  # type: ignore[no-untyped-def]
-    """Fill in the state of a virgin specimen at zero field."""
-    state[DEPTH], state[SLAVED], state[FRACTION] = 1.0, 1.0, fr.initial
 
 
 @njit(cache=True, error_model="numpy")

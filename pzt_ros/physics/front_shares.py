@@ -53,11 +53,9 @@ class Fronts(NamedTuple):
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _weights(t):  # type: ignore[no-untyped-def]
-    """Cubic Hermite: of both values and of both slopes."""
-    t2 = t * t
-    value = t2 * (3.0 - 2.0 * t)
-    slope = t2 * (t - 1.0)
+def _weights(t, t2, t3):  # type: ignore[no-untyped-def]
+    """Cubic Hermite: of both values and of both slopes, from the place in the cell, its square and its cube."""
+    value, slope = 3.0 * t2 - 2.0 * t3, t3 - t2
     return 1.0 - value, value, slope - t2 + t, slope
 
 
@@ -91,15 +89,15 @@ def _hard(f, share, u, l):  # type: ignore[no-untyped-def]
     last = f.shape[1] - 1.0
     i, s = _locate(u, last)
     j, t = _locate(l, last)
-    return _contract(f, share, i, j, _weights(s), _weights(t))
+    return _contract(f, share, i, j, _weights(s, s * s, s * s * s), _weights(t, t * t, t * t * t))
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _mixed(w, s1, s2):  # type: ignore[no-untyped-def]
-    """Weights of two places in one cell."""
-    a0, a1, a2, a3 = _weights(s1)
-    b0, b1, b2, b3 = _weights(s2)
-    return b0 + w * (a0 - b0), b1 + w * (a1 - b1), b2 + w * (a2 - b2), b3 + w * (a3 - b3)
+def _mixed(w, s, t):  # type: ignore[no-untyped-def]
+    """Mean weights of two places in one cell."""
+    s2, t2 = s * s, t * t
+    s3, t3 = s2 * s, t2 * t
+    return _weights(t + w * (s - t), t2 + w * (s2 - t2), t3 + w * (s3 - t3))
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
@@ -108,13 +106,11 @@ def _mean(f, share, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
 
     Mostly both u and both l lie in a cell; one sum over it then does for all four.
     """
-    last = f.shape[1] - 1.0
-    i, s1 = _locate(u1, last)
-    i2, s2 = _locate(u2, last)
-    j, t1 = _locate(l1, last)
-    j2, t2 = _locate(l2, last)
-    if i == i2 and j == j2 and min(u1, u2) >= max(l1, l2):
-        return _contract(f, share, i, j, _mixed(w, s1, s2), _mixed(v, t1, t2))
+    if min(u1, u2) >= max(l1, l2) and min(l1, l2) >= 0.0 and max(u1, u2) < f.shape[1] - 1.0:
+        i, j = int(u1), int(l1)
+        s, t = u2 - i, l2 - j
+        if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+            return _contract(f, share, i, j, _mixed(w, u1 - i, s), _mixed(v, l1 - j, t))
     return _mean_far(f, share, u1, u2, w, l1, l2, v)
 
 

@@ -197,7 +197,8 @@ def test_inverse_gives_the_voltage_back(noise):
     after, out = FRONT.step(start, signals.replace(voltage=voltage))
     inverted, found = FRONT.invert(start, Signals(time=signals.time, polarization=out.polarization))
     again, reproduced = FRONT.step(start, signals.replace(voltage=found.voltage))
-    np.testing.assert_allclose(found.voltage, voltage, atol=2e-5)
+    # two voltages a few mV apart may give the same polarization where a loop closes under noise
+    np.testing.assert_allclose(found.voltage, voltage, atol=2e-5 if noise == 0 else 5e-3)
     np.testing.assert_allclose(reproduced.polarization, out.polarization, atol=2e-10)
     np.testing.assert_array_equal(np.delete(again, kernel.STEEPNESS), np.delete(inverted, kernel.STEEPNESS))
     assert after[kernel.DEPTH] == inverted[kernel.DEPTH]
@@ -256,3 +257,11 @@ def test_bad_inverse_and_foreign_state_are_named():
         FRONT.step(state[:-1], Signals(time=np.array([1.0]), voltage=np.zeros(1)))
     with pytest.raises(BenchError, match="barriers"):
         Front(coercive_density=Table((-1e5, 1e6), (1.0, 1.0)))
+
+
+@pytest.mark.parametrize("without", ["interaction_field_spread", "coercive_field_spread"])
+def test_one_field_for_all(without):
+    """A spread of 0; without interaction fields all domains of a virgin specimen are up."""
+    difference = errors(drive([0.3, *LEGS[1:]], 1e7), spacing=0.25, **{without: 0.0})
+    assert rms(difference) < 3e-3
+    assert abs(difference[0]) < 2e-3
