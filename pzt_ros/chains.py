@@ -13,6 +13,7 @@ from pzt_ros.effects.table import EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.front import Front
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.parametrized import Parametrized
@@ -22,7 +23,7 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.quantities import build, choices_of, parameters_of, to_text
 
 _ALWAYS: tuple[type[Link], ...] = (
-    Amplifier, Parametrized, Quadrature, Lattice, Electrostriction, DisplacementSensor,
+    Amplifier, Parametrized, Quadrature, Lattice, Front, Electrostriction, DisplacementSensor,
 )  # fmt: skip
 
 LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *EFFECTS)}
