@@ -259,9 +259,9 @@ def test_bad_inverse_and_foreign_state_are_named():
         Front(coercive_density=Table((-1e5, 1e6), (1.0, 1.0)))
 
 
-@pytest.mark.parametrize("without", ["interaction_field_spread", "coercive_field_spread"])
-def test_one_field_for_all(without):
-    """A spread of 0; without interaction fields all domains of a virgin specimen are up."""
+@pytest.mark.parametrize(("without", "limit"), [("interaction_field_spread", 6e-3), ("coercive_field_spread", 1.5e-3)])
+def test_one_field_for_all(without, limit):
+    """A spread of 0 is where the model is worst; without interaction fields all virgin domains are up."""
     difference = errors(drive([0.3, *LEGS[1:]], 1e7), spacing=0.25, **{without: 0.0})
-    assert rms(difference) < 3e-3
+    assert rms(difference) < limit
     assert abs(difference[0]) < 2e-3
