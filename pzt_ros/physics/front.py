@@ -34,7 +34,8 @@ class Front(Ferroelectric):
     100 MV/m/s (methods.md 3, docs of front_kinetics), also in holds, where the parametrized model fails.
 
     State: see front_kernel. Limits: a jump of 1 MV/m is followed late for about tau (x+ up to 9 % off within it, 0.1 %
-    after it); barriers of about d, where domains flip to and fro, cost 0.2 %, 0.5 % without interaction fields; of spreads that are 0 one at least must not be.
+    after it); barriers of about d, where domains flip to and fro, cost 0.2 %, no interaction fields 0.5 %; at most one
+    of the spreads may be 0.
 
     Attributes:
         coercive_density, interaction_density: in place of the Gaussians, a table each.
