@@ -33,6 +33,7 @@ class AmplifierNode(GraphNode):
         self._last_command = time.monotonic()
         self._shown_state = DISABLED
         self._stopping = False
+        self._ramp_due = 0.0
         self.listen("drive", self._on_drive)
         self.create_service(SetBool, "enable", self._on_enable)
         self.create_service(Trigger, "reset", self._on_reset)
@@ -61,10 +62,20 @@ class AmplifierNode(GraphNode):
         if amplifier.state == ENABLED and silence > amplifier.limits.command_timeout:
             amplifier.fault(f"no command for {silence:.2f} s, limit {amplifier.limits.command_timeout:.2f} s")
         if amplifier.state == RAMPING:
-            self._publish(amplifier.ramp())
+            self._ramp()
+        else:
+            self._ramp_due = 0.0
         self._show_state()
         if self._stopping and amplifier.state in (DISABLED, FAULT):
             self.finish()
+
+    def _ramp(self) -> None:
+        """As many blocks of the ramp as the wall clock asks for: a timer that comes late must not stretch it."""
+        now = time.monotonic()
+        self._ramp_due = self._ramp_due or now
+        while self._ramp_due <= now and self.amplifier.state == RAMPING:
+            self._publish(self.amplifier.ramp())
+            self._ramp_due += self.block_size / self.sample_rate
 
     def _show_state(self) -> None:
         state = self.amplifier.state
