@@ -72,8 +72,8 @@ class ControllerNode(GraphNode):
                 if parameter.value not in CONTROLLERS:
                     return f"controller '{parameter.value}' is unknown; known are {', '.join(CONTROLLERS)}"
                 self.loop.select(parameter.value)
-        for name, controller in self.loop.controllers.items():
-            self.loop.controllers[name] = changed(controller, name, parameters)
+        for name, controller in list(self.loop.controllers.items()):
+            self.loop.replace(changed(controller, name, parameters))
         return ""
 
     def health(self) -> tuple[str, str, dict[str, object]]:
