@@ -14,20 +14,25 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.front import Front
+from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.parametrized import Parametrized
 from pzt_ros.physics.quadrature import Quadrature
 from pzt_ros.physics.sensor import DisplacementSensor
 from pzt_ros.physics.strain import Electrostriction
-from pzt_ros.quantities import build, choices_of, parameters_of, to_text
+from pzt_ros.physics.strain_hysteresis import StrainHysteresis
+from pzt_ros.physics.strain_law import StrainLaw
+from pzt_ros.physics.structure import Structure
+from pzt_ros.quantities import build, choices_of, parameters_of, table_to_data, tables_of, to_text
 
 _ALWAYS: tuple[type[Link], ...] = (
-    Amplifier, Parametrized, Quadrature, Lattice, Front, Electrostriction, DisplacementSensor,
+    Amplifier, Parametrized, Quadrature, Lattice, Front, IdentifiedLattice, Electrostriction, StrainHysteresis,
+    StrainLaw, Structure, DisplacementSensor,
 )  # fmt: skip
 
-LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *EFFECTS)}
-"""Every link a chain file may name: those every stage has, and the optional ones of `pzt_ros.effects.table`."""
+LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *(effect.link for effect in EFFECTS))}
+"""Every link a chain file may name: those of stages as they are described, and the effects they may have beside."""
 
 _NOTES = ("description", "source", "free", "fit", "start")
 """What a chain file may say beside its links.
@@ -128,6 +133,8 @@ def _entry(link: Link) -> dict[str, Any]:
         entry[name] = to_text(getattr(link, name), declared.unit)
     for name in choices_of(link):
         entry[name] = getattr(link, name)
+    for name, row in tables_of(link).items():
+        entry[name] = table_to_data(getattr(link, name), row.unit)
     return entry
 
 

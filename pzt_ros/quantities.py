@@ -39,6 +39,16 @@ class Choice:
     description: str
 
 
+@dataclass(frozen=True)
+class Table:
+    """A row of numbers of one unit: unit and bounds of each in SI, one sentence."""
+
+    unit: str
+    lower: float
+    upper: float
+    description: str
+
+
 def parameter(
     default: float | None,
     unit: str,
@@ -58,6 +68,18 @@ def choice(default: str, options: tuple[str, ...], description: str) -> Any:
     return field(default=default, metadata={"choice": Choice(options, description)})
 
 
+def table(
+    default: tuple[float, ...] | None,
+    unit: str,
+    description: str,
+    *,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> Any:
+    """A dataclass field that holds a tuple of numbers; `default` None makes it required [default and bounds in SI]."""
+    value: Any = dataclasses.MISSING if default is None else default
+    return field(default=value, metadata={"table": Table(unit, *bounds, description)})
+
+
 def parameters_of(owner: Any) -> dict[str, Parameter]:
     """The declared parameters of a dataclass or of one of its instances, by name."""
     return {f.name: f.metadata["parameter"] for f in dataclasses.fields(owner) if "parameter" in f.metadata}
@@ -66,6 +88,11 @@ def parameters_of(owner: Any) -> dict[str, Parameter]:
 def choices_of(owner: Any) -> dict[str, Choice]:
     """The declared choices of a dataclass or of one of its instances, by name."""
     return {f.name: f.metadata["choice"] for f in dataclasses.fields(owner) if "choice" in f.metadata}
+
+
+def tables_of(owner: Any) -> dict[str, Table]:
+    """The declared tables of a dataclass or of one of its instances, by name."""
+    return {f.name: f.metadata["table"] for f in dataclasses.fields(owner) if "table" in f.metadata}
 
 
 @functools.cache
@@ -145,8 +172,8 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
     """
     if not isinstance(values, Mapping):
         raise BenchError(f"{where}: expected 'name: value' lines, found {values!r}")
-    parameters, choices = parameters_of(cls), choices_of(cls)
-    known: dict[str, Parameter | Choice] = {**parameters, **choices}
+    parameters, choices, tables = parameters_of(cls), choices_of(cls), tables_of(cls)
+    known: dict[str, Parameter | Choice | Table] = {**parameters, **choices, **tables}
     for key in values:
         if key not in known:
             raise BenchError(f"{where}: unknown parameter {key!r}; known are {', '.join(known)}")
@@ -159,12 +186,37 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
         if key in parameters:
             read[key] = to_si(value, parameters[key].unit, f"{where}.{key}")
             check_bounds(read[key], parameters[key], f"{where}.{key}")
+        elif key in tables:
+            read[key] = table_from_data(value, tables[key], f"{where}.{key}")
         else:
             read[key] = _option(value, choices[key], f"{where}.{key}")
     return cls(**read)
 
 
-def check_bounds(value: float, declared: Parameter, where: str) -> None:
+def table_to_data(values: tuple[float, ...], unit: str) -> dict[str, Any]:
+    """The YAML form of a row of SI values."""
+    return {"unit": unit, "values": [float(value) for value in values]}
+
+
+def table_from_data(data: Any, declared: Table, where: str) -> tuple[float, ...]:
+    """A row of SI values from its YAML form `{unit: MV/m, values: [0.1, 0.2]}`.
+
+    Raises:
+        BenchError: another form, a bad unit, what is no number or lies outside the bounds.
+    """
+    if not isinstance(data, Mapping) or set(data) != {"unit", "values"} or not isinstance(data["values"], list):
+        raise BenchError(f"{where}: expected {{unit: {declared.unit}, values: [...]}}; write the row of numbers so")
+    row = []
+    for number, value in enumerate(data["values"], start=1):
+        place = f"{where}, value {number}"
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise BenchError(f"{place}: {value!r} is not a number; the unit stands once, beside the values")
+        row.append(to_si(f"{float(value)!r} {data['unit']}" if declared.unit != "1" else value, declared.unit, place))
+        check_bounds(row[-1], declared, place)
+    return tuple(row)
+
+
+def check_bounds(value: float, declared: Parameter | Table, where: str) -> None:
     """Raise BenchError unless the SI `value` lies within the declared bounds."""
     if not declared.lower <= value <= declared.upper:
         unit = "" if declared.unit == "1" else f" {declared.unit}"

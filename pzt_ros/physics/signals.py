@@ -29,6 +29,7 @@ class Signals:
         phase_fraction: x+ [-]; set by the ferroelectric link.
         displacement: y [m]; true up to the structure, as measured after the sensor's links.
         temperature: [K], where it is known.
+        strain_polarization: the polarization that strains [C/m^2], where it differs from P.
     """
 
     time: Array
@@ -37,6 +38,12 @@ class Signals:
     phase_fraction: Array = field(default_factory=lambda: ABSENT)
     displacement: Array = field(default_factory=lambda: ABSENT)
     temperature: Array = field(default_factory=lambda: ABSENT)
+    strain_polarization: Array = field(default_factory=lambda: ABSENT)
+
+    @property
+    def straining(self) -> Array:
+        """The polarization that strain links go by [C/m^2]."""
+        return self.strain_polarization if self.strain_polarization.size else self.polarization
 
     def replace(self, **changes: Array) -> Signals:
         """A copy with some quantities replaced."""
@@ -53,8 +60,10 @@ class Rest:
         time: of the rest point [s]; the first sample comes later (or at the same time, then its step is zero long).
         voltage: at the ceramic's amplifier [V].
         seed: of every random number the chain will draw.
+        occupancy: x+ at the nodes of a grid of thresholds, for links that take their history so; absent: their own [-].
     """
 
     time: float = 0.0
     voltage: float = 0.0
     seed: int = 0
+    occupancy: Array = field(default_factory=lambda: ABSENT, compare=False)

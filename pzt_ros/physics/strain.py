@@ -32,9 +32,10 @@ class Electrostriction(Link):
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization to displacement."""
-        return state, signals.replace(displacement=self.coefficient * self.active_length * signals.polarization**2)
+        return state, signals.replace(displacement=self.coefficient * self.active_length * signals.straining**2)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to polarization, on the positive branch that a poled actuator works on."""
         square = signals.displacement / (self.coefficient * self.active_length)
-        return state, signals.replace(polarization=np.sqrt(np.maximum(square, 0.0)))
+        polarization = np.sqrt(np.maximum(square, 0.0))
+        return state, signals.replace(polarization=polarization, strain_polarization=polarization)

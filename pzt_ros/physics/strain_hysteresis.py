@@ -12,7 +12,7 @@ from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
-_SEEN, _POLARIZATION, _TURN, _SIZE = 0, 1, 2, 3
+_SEEN, _POLARIZATION, _TURN, STATE_SIZE = 0, 1, 2, 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +41,12 @@ class StrainHysteresis(Link):
 
     def init(self, rest: Rest) -> State:
         """Whether a sample was seen, the last P [C/m^2], and how far the turn has come, from -w/2 to w/2 [C/m^2]."""
-        return np.zeros(_SIZE)
+        return np.zeros(STATE_SIZE)
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization to displacement."""
-        after, leading = state.copy(), np.empty_like(signals.polarization)
-        _lead(after, signals.polarization, leading, *self._shape)
+        after, leading = state.copy(), np.empty_like(signals.straining)
+        lead(after, signals.straining, leading, *self._shape)
         return after, signals.replace(displacement=self.coefficient * self.active_length * leading**2)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
@@ -54,8 +54,8 @@ class StrainHysteresis(Link):
         square = signals.displacement / (self.coefficient * self.active_length)
         leading = np.sqrt(np.maximum(square, 0.0))
         after, polarization = state.copy(), np.empty_like(leading)
-        _unlead(after, leading, polarization, *self._shape)
-        return after, signals.replace(polarization=polarization)
+        unlead(after, leading, polarization, *self._shape)
+        return after, signals.replace(polarization=polarization, strain_polarization=polarization)
 
     @property
     def _shape(self) -> tuple[float, float]:
@@ -64,7 +64,8 @@ class StrainHysteresis(Link):
 
 
 @njit(cache=True)
-def _lead(state: Array, polarization: Array, leading: Array, gain: float, most: float) -> None:
+def lead(state: Array, polarization: Array, leading: Array, gain: float, most: float) -> None:
+    """The polarization that is ahead by `gain` times how far a turn has come, at the `most` that far [C/m^2]."""
     for k in range(polarization.size):
         change = polarization[k] - state[_POLARIZATION] if state[_SEEN] else 0.0
         state[_TURN] = min(max(state[_TURN] + change, -most), most)
@@ -73,7 +74,7 @@ def _lead(state: Array, polarization: Array, leading: Array, gain: float, most: 
 
 
 @njit(cache=True)
-def _unlead(state: Array, leading: Array, polarization: Array, gain: float, most: float) -> None:
+def unlead(state: Array, leading: Array, polarization: Array, gain: float, most: float) -> None:
     """The exact inverse: within a turn the leading polarization moves by 1 + gain, beyond it as P does."""
     for k in range(leading.size):
         change = 0.0

@@ -1,0 +1,57 @@
+"""What an effect is: an optional link of the chain, its place, and what a search for it has to know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pzt_ros.physics.link import Link
+
+AT_COMMAND, AT_FIELD, AT_POLARIZATION, AT_DISPLACEMENT, AT_SENSOR = (
+    "amplifier", "ferroelectric", "strain", "structure", "sensor",
+)  # fmt: skip
+PLACES = (AT_COMMAND, AT_FIELD, AT_POLARIZATION, AT_DISPLACEMENT, AT_SENSOR)
+"""Where an effect may stand, in the order of the signal.
+
+End of the amplifier section; right before the ferroelectric link; right after it; after the strain link; start of the
+sensor section.
+"""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An optional link and what the diagnosis needs to look for it.
+
+    Attributes:
+        link: the class; `link.kind` is the effect's name, and with its default values it is the identity, to the bit.
+        place: one of PLACES.
+        amplitude: the parameter whose zero means "absent", the other parameters as in any of `starts`.
+        starts: shapes to begin a search from [SI], each with a small amplitude; what is not named keeps its default.
+        free: parameters a fit may move, the amplitude included.
+        per_run: those of `free` that belong to a run and not to the stage.
+        linear: parameters that the output is linear in, one alone at a time; the amplitude where empty.
+        needs: columns of the record without which the effect cannot be asked for.
+        absence: what its absence leaves in a residual.
+        next_experiment: which run would show it alone.
+    """
+
+    link: type[Link]
+    place: str
+    amplitude: str
+    starts: tuple[Mapping[str, float], ...]
+    free: tuple[str, ...]
+    per_run: tuple[str, ...] = ()
+    linear: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    absence: str = ""
+    next_experiment: str = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Parameters whose signatures a search combines linearly."""
+        return self.linear or (self.amplitude,)
+
+    @property
+    def name(self) -> str:
+        """As in chain files and reports."""
+        return self.link.kind

@@ -1,0 +1,61 @@
+"""Mains hum in the reading."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from pzt_ros.physics.link import SENSOR, Link, State
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.quantities import parameter
+
+_SEEN, _TIME, _SIZE = 0, 1, 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class MainsHum(Link):
+    """A tone at the frequency of the mains or its double; time counts from the first sample.
+
+    How far the mains is off its nominal frequency is a parameter of its own with narrow bounds: a tone elsewhere is no
+    mains hum and shall not be fitted as one.
+    """
+
+    kind: ClassVar[str] = "mains_hum"
+    section: ClassVar[str] = SENSOR
+
+    frequency: float = parameter(50.0, "Hz", "nominal frequency of the tone", bounds=(1.0, 1e4))
+    detuning: float = parameter(0.0, "Hz", "true minus nominal frequency", bounds=(-0.5, 0.5))
+    sine: float = parameter(0.0, "m", "amplitude of the sine", bounds=(-1e-3, 1e-3))
+    cosine: float = parameter(0.0, "m", "amplitude of the cosine", bounds=(-1e-3, 1e-3))
+
+    def init(self, rest: Rest) -> State:
+        """Whether a sample was seen, and its time [s]."""
+        return np.zeros(_SIZE)
+
+    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Displacement without the hum to displacement with it."""
+        after, hum = self._hum(state, signals)
+        return after, signals.replace(displacement=signals.displacement + hum)
+
+    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Displacement wanted to displacement without the hum; exact."""
+        after, hum = self._hum(state, signals)
+        return after, signals.replace(displacement=signals.displacement - hum)
+
+    def _hum(self, state: State, signals: Signals) -> tuple[State, Array]:
+        after, hum = state.copy(), np.empty_like(signals.time)
+        if signals.time.size and after[_SEEN] == 0.0:
+            after[_SEEN], after[_TIME] = 1.0, signals.time[0]
+        size, phase = math.hypot(self.sine, self.cosine), math.atan2(self.cosine, self.sine)
+        _tone(signals.time, hum, after[_TIME], 2.0 * math.pi * (self.frequency + self.detuning), size, phase)
+        return after, hum
+
+
+@njit(cache=True)
+def _tone(time: Array, out: Array, start: float, frequency: float, size: float, phase: float) -> None:
+    for k in range(time.size):
+        out[k] = size * math.sin(frequency * (time[k] - start) + phase)

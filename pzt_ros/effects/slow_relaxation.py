@@ -1,0 +1,107 @@
+"""Slow relaxation of the structure: creep that follows the displacement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+
+from pzt_ros.effects.sampling import lag_gains, other_step
+from pzt_ros.physics.link import ACTUATOR, Link, State
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.quantities import parameter
+
+_BRANCHES = 5
+_SEEN, _TIME, _INPUT, _STEP, _HEAD = 0, 1, 2, 3, 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowRelaxation(Link):
+    """A part of the displacement comes late: y + share * mean of five lags of y, times log-spaced over a band.
+
+    Kelvin-Voigt elements in series, as glue, electrodes and clamping give them; five per band make a creep that is
+    nearly a straight line over log time. The link starts in balance wherever its first sample is.
+    """
+
+    kind: ClassVar[str] = "slow_relaxation"
+    section: ClassVar[str] = ACTUATOR
+
+    share: float = parameter(0.0, "1", "late displacement over prompt displacement", bounds=(0.0, 1.0))
+    shortest_time: float = parameter(0.1, "s", "fastest time constant of the band", bounds=(1e-5, 1e5))
+    longest_time: float = parameter(10.0, "s", "slowest time constant of the band", bounds=(1e-5, 1e5))
+
+    @property
+    def times(self) -> Array:
+        """Time constants of the lags [s]."""
+        return np.geomspace(self.shortest_time, self.longest_time, _BRANCHES)
+
+    def init(self, rest: Rest) -> State:
+        """Whether a sample was seen; time [s], displacement in [m], last step [s]; output of each lag [m]."""
+        return np.zeros(_HEAD + _BRANCHES)
+
+    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Prompt displacement to displacement."""
+        after, out = state.copy(), np.empty_like(signals.displacement)
+        _relax(after, signals.time, signals.displacement, out, self.times, self.share / _BRANCHES)
+        return after, signals.replace(displacement=out)
+
+    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        """Displacement wanted to prompt displacement; exact."""
+        after, needed = state.copy(), np.empty_like(signals.displacement)
+        _unrelax(after, signals.time, signals.displacement, needed, self.times, self.share / _BRANCHES)
+        return after, signals.replace(displacement=needed)
+
+
+@njit(cache=True)
+def _set_gains(gains: Array, step: float, times: Array) -> None:
+    for j in range(_BRANCHES):
+        gains[j, 0], gains[j, 1], gains[j, 2] = lag_gains(step, times[j])
+
+
+@njit(cache=True)
+def _begin(state: Array, time: float, displacement: float) -> None:
+    state[_SEEN], state[_TIME], state[_INPUT] = 1.0, time, displacement
+    state[_HEAD:] = displacement
+
+
+@njit(cache=True)
+def _relax(state: Array, time: Array, prompt: Array, out: Array, times: Array, weight: float) -> None:
+    gains = np.empty((_BRANCHES, 3))
+    _set_gains(gains, state[_STEP], times)
+    for k in range(time.size):
+        if state[_SEEN] == 0.0:
+            _begin(state, time[k], prompt[k])
+        step = time[k] - state[_TIME]
+        if other_step(step, state[_STEP]):
+            state[_STEP] = step
+            _set_gains(gains, step, times)
+        late = 0.0
+        for j in range(_BRANCHES):
+            z = gains[j, 0] * state[_HEAD + j] + gains[j, 1] * state[_INPUT] + gains[j, 2] * prompt[k]
+            state[_HEAD + j] = z
+            late += z
+        state[_TIME], state[_INPUT] = time[k], prompt[k]
+        out[k] = prompt[k] + weight * late
+
+
+@njit(cache=True)
+def _unrelax(state: Array, time: Array, wanted: Array, prompt: Array, times: Array, weight: float) -> None:
+    gains = np.empty((_BRANCHES, 3))
+    _set_gains(gains, state[_STEP], times)
+    for k in range(time.size):
+        if state[_SEEN] == 0.0:
+            _begin(state, time[k], wanted[k] / (1.0 + weight * _BRANCHES))
+        step = time[k] - state[_TIME]
+        if other_step(step, state[_STEP]):
+            state[_STEP] = step
+            _set_gains(gains, step, times)
+        known, prompt_gain = 0.0, 1.0
+        for j in range(_BRANCHES):
+            known += gains[j, 0] * state[_HEAD + j] + gains[j, 1] * state[_INPUT]
+            prompt_gain += weight * gains[j, 2]
+        prompt[k] = (wanted[k] - weight * known) / prompt_gain
+        for j in range(_BRANCHES):
+            state[_HEAD + j] = gains[j, 0] * state[_HEAD + j] + gains[j, 1] * state[_INPUT] + gains[j, 2] * prompt[k]
+        state[_TIME], state[_INPUT] = time[k], prompt[k]
