@@ -1,1 +1,1 @@
-"""Everything the README claims about speed, measured: `python -m benchmarks [NAME ...]`."""
+"""Everything the README claims about speed, measured: `pzt bench [NAME ...]`, or `python -m pzt_benchmarks`."""

@@ -84,7 +84,7 @@ def serve(index: int, hops: int, ticks: int, period: float, composed: bool) -> N
 
 def run_ring(hops: int, ticks: int, period: float, composed: bool, environment: dict[str, str]) -> np.ndarray:
     """Durations of the rounds of a ring [us]; `period` 0 is as fast as possible, otherwise seconds."""
-    command = [sys.executable, "-m", "benchmarks.bare_loop"]
+    command = [sys.executable, "-m", "pzt_benchmarks.bare_loop"]
     arguments = [str(hops), str(ticks), str(period), str(int(composed))]
     others = [] if composed else range(1, hops)
     helpers = [subprocess.Popen([*command, str(n), *arguments], env=environment) for n in others]

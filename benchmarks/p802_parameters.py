@@ -1,4 +1,4 @@
-"""`python -m benchmarks.p802_parameters`: parameters of the thesis' actuator, fitted to what chapter 2 says in numbers.
+"""`python -m pzt_benchmarks.p802_parameters`: the thesis' actuator, fitted to what chapter 2 says in numbers.
 
 The thesis prints no curves, only a dozen numbers; this finds the lattice and the strain law that meet them together
 and prints a table criterion / model. The result stands in `msgs_config/chains/p802.yaml`. `--from-scratch` searches the

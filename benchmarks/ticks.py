@@ -7,13 +7,14 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.bare_loop import run_ring
-from benchmarks.table import Table
+from pzt_benchmarks.bare_loop import run_ring
+from pzt_benchmarks.table import TICKS, Table
 from pzt_bringup.domain import take_domain
 from pzt_ros.bags.reader import open_bag
 
@@ -58,34 +59,33 @@ def measure_graph(composed: bool, paced: bool) -> Measured:
     return Measured(status["response_p50_us"], status["response_p99_us"], rate, late)
 
 
-def measure_ring(hops: int, composed: bool, paced: bool) -> Measured:
+def measure_ring(hops: int, composed: bool, paced: bool, rounds: int) -> Measured:
     """A ring of as many empty nodes as the signal passes in a tick."""
     lock = take_domain(None)
     lock.release()
     environment = {**os.environ, "ROS_DOMAIN_ID": str(lock.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    rounds = run_ring(hops, 1500, BLOCK_PERIOD if paced else 0.0, composed, environment)
-    rate = 1.0 / BLOCK_PERIOD if paced else 1e6 / float(np.mean(rounds))
-    return Measured(float(np.median(rounds)), float(np.percentile(rounds, 99)), rate)
+    times = run_ring(hops, rounds, BLOCK_PERIOD if paced else 0.0, composed, environment)
+    rate = 1.0 / BLOCK_PERIOD if paced else 1e6 / float(np.mean(times))
+    return Measured(float(np.median(times)), float(np.percentile(times, 99)), rate)
 
 
-def measure() -> Table:
-    """All layouts, each beside a bare ring of four and of five hops in the same run."""
-    rows = []
+def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
+    """All layouts, or the free-running ones, each beside a bare ring of four and of five hops in the same run."""
+    rows, rounds = [], 300 if quick else 1500
     for composed in (False, True):
-        for paced in (False, True):
+        for paced in (False,) if quick else (False, True):
             layout = f"{'composed' if composed else 'separate processes'}, {'real time' if paced else 'free-running'}"
-            ring = measure_ring(4, composed, paced)
-            ring5 = measure_ring(5, composed, paced)
+            tell(layout)
+            ring, ring5 = (measure_ring(hops, composed, paced, rounds) for hops in (4, 5))
             graph = measure_graph(composed, paced)
             rows.append(ring.row(f"bare ring of 4, {layout}", ring.median))
             rows.append(ring5.row(f"bare ring of 5, {layout}", ring.median))
             rows.append(graph.row(f"**the graph**, {layout}", ring.median))
-    return Table(
-        "One closed-loop tick (100 samples at 20 kHz)",
-        ("layout", "median us", "99 % us", "ticks/s", "x real time", "late", "x bare ring of 4"),
-        rows,
+    note = (
         "A tick of the graph is the time from the plant's `truth` to the `applied` that answers it: sensor, observer,"
         " controller and amplifier with all their physics, five hops with the plant's own, recorder and experiment"
         " running beside. A bare ring hands on the same bytes and does nothing else. Free-running ticks a second"
-        " include the plant, and every phase of the scenario.",
+        " include the plant, and every phase of the scenario."
     )
+    heads = ("layout", "median us", "99 % us", "ticks/s", "x real time", "late", "x bare ring of 4")
+    return [Table(TICKS, heads, rows, note)]

@@ -8,7 +8,7 @@ as they get. The error is reference minus true displacement, as root mean square
 - pi: Kp and Ki on a grid, then three times on a finer grid around the best point; Kp = 0 is always a candidate.
 - inverse_pi: Ki on one coarse grid with Kp = 0, no refinement.
 
-    python benchmarks/tune_pi.py            # about four minutes; writes benchmarks/results/pi_tuning.csv
+    python -m pzt_benchmarks.tune_pi            # about four minutes; writes benchmarks/results/pi_tuning.csv
 """
 
 from __future__ import annotations

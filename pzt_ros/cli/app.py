@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from pzt_ros.cli import bag, graph, model
+from pzt_ros.cli import bag, bench, diagnose, figures, graph, model
 from pzt_ros.errors import BenchError
 
 
@@ -23,7 +23,10 @@ def build() -> typer.Typer:
     )
     graph.add_to(app)
     model.add_to(app)
+    diagnose.add_to(app)
     bag.add_to(app)
+    figures.add_to(app)
+    bench.add_to(app)
     return app
 
 
