@@ -17,6 +17,10 @@ class Theme:
     grid: str
     shade: str
     controllers: dict[str, str] = field(default_factory=dict)
+    before: str = ""
+    after: str = ""
+    rising: str = ""
+    falling: str = ""
 
     def colour(self, controller: str) -> str:
         """Of a controller; ink for one that has none."""
@@ -68,6 +72,10 @@ LIGHT = Theme(
     grid="#e6e9ec",
     shade="#b9c2cb",
     controllers={"open_loop": "#d55e00", "pi": "#0072b2", "inverse": "#009e73", "inverse_pi": "#9b2f8f"},
+    before="#d55e00",
+    after="#0072b2",
+    rising="#009e73",
+    falling="#9b2f8f",
 )
 DARK = Theme(
     "dark",
@@ -77,5 +85,9 @@ DARK = Theme(
     grid="#2a3138",
     shade="#5b6672",
     controllers={"open_loop": "#ff8c42", "pi": "#5ab4f0", "inverse": "#35c99a", "inverse_pi": "#e08ad8"},
+    before="#ff8c42",
+    after="#5ab4f0",
+    rising="#35c99a",
+    falling="#e08ad8",
 )
 THEMES = (LIGHT, DARK)

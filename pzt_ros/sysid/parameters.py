@@ -16,7 +16,7 @@ from pzt_ros.quantities import Parameter, parameters_of
 GIVEN = ("gain", "layer_thickness", "electrode_area", "active_length", "temperature", "virgin_amplitude")
 """Known from a data sheet or an instrument, and without an effect of their own: free only where `free:` names them."""
 
-NUMERICAL = ("accuracy", "spacing", "cut")
+NUMERICAL = ("accuracy", "spacing", "cut", "dead_band")
 """Settings of a method, not properties of a specimen; a fit leaves them alone, as it does the counts of nodes."""
 
 _LEAST = 1e-9  # of the upper bound: where the logarithm of a parameter that may be 0 ends

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,10 +17,11 @@ from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, free_run, rms, typical_leg
-from pzt_ros.sysid.start import counted_part, settle
+from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
+_UNIT = 1e-9  # [SI]; a difference in a linear parameter
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     known = fitted_starts(chain)
     if record.sha256 in known:
         return known[record.sha256], "as fitted to this run"
-    base, settle_time = _rule_for_others(chain, record)
+    base, settle_time, own = _rule_for_others(chain, record)
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0"
     least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
@@ -109,7 +111,32 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
         end = max(float(record.time[0]) + settle_time, least)
         part = Span(None, end)
         rule = f"from the first {end - record.time[0]:.3g} s of the run"
-    return settle(model, counted_part(record, part, _MOST_TO_SETTLE), base), rule
+    counted = counted_part(record, part, _MOST_TO_SETTLE)
+    if base.occupancy:  # a grid of occupancies tells more than prior reversals could
+        return with_offset(model, counted, with_own_values_fitted(model, counted, base, own)), rule
+    return with_offset(model, counted, with_own_values_fitted(model, counted, settle(model, counted, base), own)), rule
+
+
+def with_own_values_fitted(chain: Chain, part: CountedPart, start: Start, names: Sequence[str]) -> Start:
+    """The start with the run's own parameters fitted to a part of it; the displacement is linear in them."""
+    if not names:
+        return start
+
+    def displacement(values: Sequence[float]) -> Array:
+        given = replace(start, offset=0.0, values=tuple(zip(names, values, strict=True)))
+        found = free_run(chain, part.record, given, part.picks, part.end).displacement
+        return found - found.mean()
+
+    silent = displacement([0.0] * len(names))
+    columns = np.column_stack(
+        [
+            (displacement([_UNIT if k == n else 0.0 for k in range(len(names))]) - silent) / _UNIT
+            for n in range(len(names))
+        ]
+    )
+    left = part.displacement - part.displacement.mean() - silent
+    values = np.linalg.lstsq(columns, left, rcond=None)[0]
+    return replace(start, values=tuple((name, float(value)) for name, value in zip(names, values, strict=True)))
 
 
 def fitted_starts(chain: Chain) -> dict[str, Start]:
@@ -120,26 +147,33 @@ def fitted_starts(chain: Chain) -> dict[str, Start]:
     """
     notes = chain.notes.get("start", {})
     try:
-        return {
-            str(run["sha256"]): Start(
-                tuple(float(v) for v in run["prior_voltage_V"]), float(run["leg_s"]), float(run["offset_m"])
-            )
-            for run in notes.get("runs", [])
-        }
+        return {str(run["sha256"]): _start_from(run) for run in notes.get("runs", [])}
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _malformed(chain, error) from None
 
 
-def _rule_for_others(chain: Chain, record: Record) -> tuple[Start, float]:
-    """History to start from for a run that was not fitted, and how long a start may be looked at [s]."""
+def _start_from(run: Mapping[str, Any]) -> Start:
+    return Start(
+        tuple(float(v) for v in run["prior_voltage_V"]),
+        float(run["leg_s"]),
+        float(run["offset_m"]),
+        tuple(float(v) for v in run.get("occupancy", ())),
+        tuple((str(name), float(value)) for name, value in run.get("values", {}).items()),
+    )
+
+
+def _rule_for_others(chain: Chain, record: Record) -> tuple[Start, float, tuple[str, ...]]:
+    """Of a run that was not fitted: history to start from, how long to look at it [s], its own parameters."""
     notes = chain.notes.get("start", {})
     try:
         rule = notes.get("other", {})
         prior = tuple(float(v) for v in rule.get("prior_voltage_V", ()))
         settle_time = float(rule.get("settle_s", SETTLE_TIME))
+        occupancy = tuple(float(v) for v in rule.get("occupancy", ()))
+        own = tuple(str(name) for name in rule.get("per_run", ()))
     except (AttributeError, TypeError, ValueError) as error:
         raise _malformed(chain, error) from None
-    return replace(Start(), prior_voltages=prior, leg=typical_leg(record)), settle_time
+    return Start(prior, typical_leg(record), occupancy=occupancy), settle_time, own
 
 
 def _malformed(chain: Chain, error: Exception) -> BenchError:

@@ -108,7 +108,7 @@ class FitResult:
         """The `fit:` section of the model file, SI numbers with the unit in the name or beside them."""
         return {
             "command": command,
-            "versions": _versions(),
+            "versions": versions(),
             "runs": [_run_as_data(run) for run in self.runs],
             "parameters": {e.name: {"value": e.value, "std": e.std, "unit": e.unit} for e in self.estimates},
             "correlated": [{"pair": [a, b], "r": round(r, 4)} for a, b, r in self.strongly_correlated],
@@ -177,7 +177,8 @@ class FitResult:
         return lines
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of what a result depends on."""
     packages = ("pzt_ros", "numpy", "scipy", "numba")
     return {"python": platform.python_version(), **{name: metadata.version(name) for name in packages}}
 

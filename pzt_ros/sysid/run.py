@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +48,19 @@ class Start:
         prior_voltages: reversal points of the voltage before the first sample [V].
         leg: duration of each ramp [s].
         offset: reading at zero displacement of the chain [m].
+        occupancy: x+ at the first sample on the grid of an identified lattice; empty for its own initial state.
+        values: parameters that belong to this run and not to the stage [SI], by `link.parameter`.
     """
 
     prior_voltages: tuple[float, ...] = ()
     leg: float = 1.0
     offset: float = 0.0
+    occupancy: tuple[float, ...] = ()
+    values: tuple[tuple[str, float], ...] = ()
 
     def __str__(self) -> str:
+        if self.occupancy:
+            return "a fitted occupancy"
         if not self.prior_voltages:
             return "the chain's own initial state"
         return "prior reversals at " + ", ".join(f"{v:.4g}" for v in self.prior_voltages) + " V"
@@ -74,6 +80,12 @@ def prepared_drive(record: Record, start: Start) -> tuple[Rest, Array, Array]:
     A run that starts at 0 V without a prior history rests there: its first step has no length.
     """
     first_time, first_voltage = float(record.time[0]), float(record.voltage[0])
+    if start.occupancy:
+        return (
+            Rest(time=first_time, voltage=first_voltage, occupancy=np.array(start.occupancy)),
+            np.empty(0),
+            np.empty(0),
+        )
     if not start.prior_voltages and first_voltage == 0.0:
         return Rest(time=first_time), np.empty(0), np.empty(0)
     legs = len(start.prior_voltages)
@@ -89,6 +101,7 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
     Raises:
         BenchError: the chain gives no displacement, or none that is finite.
     """
+    chain = with_own_values(chain, start)
     rest, times, voltages = prepared_drive(record, start)
     state = chain.init(rest)
     if times.size:
@@ -98,9 +111,36 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
     wanted[picks] = True
     for low in range(0, end, CHUNK):
         part = slice(low, min(low + CHUNK, end))
-        state, out = chain.step(state, Signals(time=record.time[part], voltage=record.voltage[part]))
+        state, out = chain.step(state, _drive(record, part))
         kept.append(_pick(out, wanted[part]))
     return _joined(kept, chain, start.offset)
+
+
+def with_own_values(chain: Chain, start: Start) -> Chain:
+    """The chain with the parameters that belong to the run.
+
+    Raises:
+        BenchError: a parameter that the chain has not.
+    """
+    if not start.values:
+        return chain
+    changes: dict[str, dict[str, float]] = {}
+    for name, value in start.values:
+        kind, _, field = name.partition(".")
+        changes.setdefault(kind, {})[field] = value
+    try:
+        return chain.with_links(lambda link: replace(link, **changes[link.kind]) if link.kind in changes else link)
+    except TypeError:
+        raise BenchError(
+            f"{chain.name}: start: unknown parameter among {', '.join(n for n, _ in start.values)}"
+        ) from None
+
+
+def _drive(record: Record, part: slice) -> Signals:
+    """What enters the chain."""
+    signals = Signals(time=record.time[part], voltage=record.voltage[part])
+    temperature = record.temperature
+    return signals if temperature is None else signals.replace(temperature=temperature[part])
 
 
 def _pick(out: Signals, wanted: NDArray[np.bool_]) -> Signals:

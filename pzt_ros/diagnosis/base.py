@@ -1,0 +1,147 @@
+"""The declared model, fitted: where every diagnosis starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
+from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.staged import Progress, Staged
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.front import Front
+from pzt_ros.physics.lattice import Lattice
+from pzt_ros.physics.link import Link
+from pzt_ros.physics.polycrystal import Polycrystal
+from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.quantities import parameters_of
+from pzt_ros.sysid.parameters import free_parameters, without_noise
+from pzt_ros.sysid.run import Start
+from pzt_ros.sysid.start import CountedPart, settle
+
+_SCALE = "domain_polarization"
+"""Strain goes with its square, so displacement alone cannot tell it from the strain's coefficient."""
+
+_CLEAN = 1.1
+_SEARCHED = 4_000  # samples that a search for histories looks at
+_COARSE_ACCURACY = 1e-4
+_THICKNESS = 1e-4
+_ACTIVE_LENGTH = 8e-3
+
+
+def default_chain(runs: Sequence[RunData]) -> Chain:
+    """A polycrystal and electrostriction in proportion to the drive and the motion, where no chain was declared."""
+    highest = max(float(np.max(np.abs(run.record.voltage))) for run in runs)
+    motion = max(float(np.ptp(run.record.displacement)) for run in runs)
+    field = highest / _THICKNESS
+    spread = 0.4 * (0.35 * field) ** 2
+    ceramic = Lattice(
+        coercive_field=0.35 * field,
+        coercive_field_spread=spread,
+        interaction_field_spread=spread,
+        relaxation_time=1e-3,
+        reciprocal_permittivity=field / 0.025,
+        domain_volume=1e-22 * (1.5e6 / field),
+        layer_thickness=_THICKNESS,
+    )
+    coefficient = motion / _ACTIVE_LENGTH / ceramic.domain_polarization**2
+    links = (ceramic, Electrostriction(coefficient=coefficient, active_length=_ACTIVE_LENGTH))
+    return Chain("default", links, {"description": "Gaussian polycrystal and electrostriction, scaled to the runs"})
+
+
+def fit_declared(chain: Chain, runs: Sequence[RunData], progress: Progress) -> Hypothesis:
+    """Fit the free parameters of a chain to the runs, with as short a history before each as the data ask for.
+
+    Raises:
+        BenchError: the chain has no ceramic, or an unknown parameter in `free:`.
+    """
+    quiet = without_noise(chain)
+    model = _coarse(_ceramic_of(quiet))
+    coordinates = _coordinates(chain, any(run.has_polarization for run in runs))
+    starts = [Start() for _ in runs]
+    progress(f"fitting {chain.name}")
+    found = _solved(quiet, model, coordinates, runs, starts)
+    if found.fit.ratio > _CLEAN or found.selection.ratio > _CLEAN:
+        starts = [_history(found, number, progress) for number in range(len(runs))]
+        if any(start.prior_voltages for start in starts):
+            again = _solved(quiet, model, coordinates, runs, starts, found.vector)
+            found = min(found, again, key=lambda h: h.total)
+    progress(f"fitting {chain.name}, exact kinetics")
+    return exact(found)
+
+
+def _ceramic_of(chain: Chain) -> Ferroelectric:
+    for link in chain.links:
+        if isinstance(link, Ferroelectric):
+            return link
+    raise BenchError(f"{chain.name}: no link for the ceramic; add one such as 'link: lattice'")
+
+
+def _fast(model: Ferroelectric) -> Ferroelectric:
+    """Two fronts in place of many domains: a twentieth of the time, and near enough to start from."""
+    if not isinstance(model, Polycrystal):
+        return model
+    shared = [name for name in parameters_of(Front) if name in parameters_of(model)]
+    values: dict[str, Any] = {name: getattr(model, name) for name in shared}
+    values["accuracy"] = _COARSE_ACCURACY
+    return Front(**values, coercive_density=model.coercive_density, interaction_density=model.interaction_density)
+
+
+def _coarse(model: Ferroelectric) -> Ferroelectric:
+    """The same with an integration as exact as a measurement can tell: 2e-6 of x+."""
+    if not isinstance(model, Polycrystal):
+        return model
+    return dataclasses.replace(model, accuracy=max(model.accuracy, _COARSE_ACCURACY), method="midpoint")
+
+
+def _coordinates(chain: Chain, with_polarization: bool) -> list[tuple[Link, Coordinate]]:
+    """What may move: as `free:` says, or all that can be told apart."""
+    declared = free_parameters(chain)
+    named = "free" in chain.notes
+    found = []
+    for parameter in declared:
+        link = chain.links[parameter.place]
+        if parameter.field == _SCALE and not named and not with_polarization:
+            continue
+        if float(getattr(link, parameter.field)) != 0.0 or named:
+            found.append((link, coordinate(link, parameter.field)))
+    return found
+
+
+def _solved(
+    chain: Chain,
+    model: Ferroelectric,
+    coordinates: Sequence[tuple[Link, Coordinate]],
+    runs: Sequence[RunData],
+    starts: Sequence[Start],
+    vector: np.ndarray | None = None,
+) -> Hypothesis:
+    own = [each for link, each in coordinates if isinstance(link, Ferroelectric)]
+    others = tuple(each for link, each in coordinates if not isinstance(link, Ferroelectric))
+    ceramic = DeclaredHysteresis(model, _fast(model), own, [run.record for run in runs], starts)
+    replaced = chain.with_links(lambda link: model if isinstance(link, Ferroelectric) else link)
+    staged = Staged(replaced, ceramic, runs, others)
+    return fitted(staged, staged.start if vector is None else vector, most_steps=40)
+
+
+def _history(found: Hypothesis, number: int, progress: Progress) -> Start:
+    """The shortest history of a run that its samples ask for, the parameters free to adapt where they were fitted."""
+    run = found.staged.runs[number]
+    progress(f"history before {run.record.name}")
+    picks = run.picks[FIT] if FIT in run.picks else run.picks[SELECTION]
+    picks = picks[:: -(-picks.size // _SEARCHED)]
+    part = CountedPart(run.record, picks, int(picks[-1]) + 1)
+    tangent = None
+    if FIT in run.picks:
+        jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
+        tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED)]
+    chain = found.staged.chain_at(found.vector, number)
+    quick = chain.with_links(lambda link: _fast(link) if isinstance(link, Polycrystal) else link)
+    return settle(quick, part, tangent=tangent)

@@ -1,0 +1,86 @@
+"""What a diagnosis may look at, and for what: samples to fit, samples to choose by, samples to score with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.records import Record
+
+Picks = NDArray[np.intp]
+
+FIT, SELECTION, SCORE = "fit", "selection", "score"
+PARTS = (FIT, SELECTION, SCORE)
+
+_MOST = 60_000  # samples of a part that count; of a longer one evenly chosen
+
+
+@dataclass(frozen=True)
+class RunData:
+    """A run, the part of it that counts, and what that part is for.
+
+    Attributes:
+        record: the whole run; models run over all of it.
+        picks: samples of each part it has.
+        noise: floor of its displacement [m].
+        polarization_noise: what a misfit of the polarization is measured in [C/m^2]; 0 where it was not recorded.
+    """
+
+    record: Record
+    picks: dict[str, Picks]
+    noise: float
+    polarization_noise: float = 0.0
+
+    @cached_property
+    def signals(self) -> Signals:
+        """The drive as it enters the chain."""
+        columns = {"time": self.record.time, "voltage": self.record.voltage}
+        if self.record.temperature is not None:
+            columns["temperature"] = self.record.temperature
+        return Signals(**columns)
+
+    @property
+    def has_polarization(self) -> bool:
+        """Whether the polarization takes part."""
+        return self.polarization_noise > 0.0
+
+    def misfit(self, part: str, displacement: Array, polarization: Array) -> Array:
+        """Measurement minus model in units of the noise, offsets taken out; displacement first, then polarization."""
+        return np.concatenate(self._centred(part, self.record.displacement - displacement, self._left_of(polarization)))
+
+    def change(self, part: str, displacement: Array, polarization: Array) -> Array:
+        """What a change of the model does to `misfit`."""
+        return np.concatenate(self._centred(part, -displacement, -polarization if self.has_polarization else None))
+
+    def _left_of(self, polarization: Array) -> Array | None:
+        measured = self.record.polarization
+        return measured - polarization if self.has_polarization and measured is not None else None
+
+    def _centred(self, part: str, displacement: Array, polarization: Array | None) -> list[Array]:
+        picks = self.picks[part]
+        seen = displacement[picks] / self.noise
+        found = [seen - seen.mean()]
+        if polarization is not None:
+            seen = polarization[picks] / self.polarization_noise
+            found.append(seen - seen.mean())
+        return found
+
+
+def split(train: Sequence[RunData], test: Sequence[RunData]) -> list[RunData]:
+    """All of the train runs is fitted; the first half of each test run chooses, its second half scores."""
+    found = [RunData(r.record, {FIT: _thin(0, len(r.record))}, r.noise, r.polarization_noise) for r in train]
+    for run in test:
+        half = len(run.record) // 2
+        picks = {SELECTION: _thin(0, half), SCORE: _thin(half, len(run.record))}
+        found.append(RunData(run.record, picks, run.noise, run.polarization_noise))
+    return found
+
+
+def _thin(first: int, after: int) -> Picks:
+    stride = max(1, -(-(after - first) // _MOST))
+    return np.arange(first, after, stride)

@@ -1,0 +1,124 @@
+"""The ceramic as the chain declares it: any of the models, its parameters free, its history as fitted."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from pzt_ros.diagnosis.coordinates import Coordinate
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.records import Record
+from pzt_ros.sysid.run import Start, prepared_drive
+
+_STEP = 1e-3
+_REMEMBERED = 3  # evaluations
+
+
+class DeclaredHysteresis:
+    """A ceramic's link with some of its parameters free; a `staged.Hysteresis`.
+
+    A model of many domains takes twenty times as long as the front model of the same ceramic, and the two differ by
+    little that changes slowly with the parameters. So the search moves the front model, plus the difference of the two
+    where `exact_at` was last asked for.
+
+    Args:
+        model: the link, with the values to start from.
+        quick: a fast model with the same parameters; the model itself where there is none.
+        coordinates: its free parameters.
+        records: the runs.
+        starts: their histories.
+    """
+
+    def __init__(
+        self,
+        model: Ferroelectric,
+        quick: Ferroelectric,
+        coordinates: Sequence[Coordinate],
+        records: Sequence[Record],
+        starts: Sequence[Start],
+    ) -> None:
+        self.model, self.quick = model, quick
+        self.coordinates = tuple(coordinates)
+        self.names = [each.name for each in coordinates]
+        self.start = np.array([each.scaled(each.start) for each in coordinates])
+        self.lower = np.array([each.bounds[0] for each in coordinates])
+        self.upper = np.array([each.bounds[1] for each in coordinates])
+        self.records, self.starts = tuple(records), tuple(starts)
+        self._differences = [np.zeros(len(record)) for record in records]
+        self._known: dict[bytes, list[Array]] = {}
+
+    def exact_at(self, vector: Array, voltages: Sequence[Array]) -> DeclaredHysteresis:
+        """A copy that agrees with the model at a vector, for the runs whose voltage is given."""
+        if self.quick is self.model:
+            return self
+        copy = DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, self.starts)
+        exact, near = self.link(vector), self._valued(self.quick, vector)
+        for number, voltage in enumerate(voltages):
+            if voltage.size:
+                copy._differences[number] = self._run(exact, number, voltage) - self._run(near, number, voltage)
+        return copy
+
+    def link(self, vector: Array) -> Ferroelectric:
+        """The ceramic with the values of the vector."""
+        return self._valued(self.model, vector)
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run whose voltage is given [C/m^2]; what was computed lately is not computed again."""
+        key = vector.tobytes() + b"".join(voltage.tobytes() for voltage in voltages)
+        if key not in self._known:
+            while len(self._known) >= _REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+            self._known[key] = self._all(vector, voltages)
+        return self._known[key]
+
+    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+        """P of each run and how it changes with each parameter, by differences."""
+        here = self.polarization(vector, voltages)
+        tangents = [np.zeros((p.size, vector.size)) for p in here]
+        for k in range(vector.size):
+            moved = vector.copy()
+            moved[k] += _STEP if vector[k] + _STEP <= self.upper[k] else -_STEP
+            try:
+                there = self._all(moved, voltages)
+            except BenchError:  # the link refuses this combination of values: taken as one that changes nothing
+                continue
+            for tangent, a, b in zip(tangents, there, here, strict=True):
+                tangent[:, k] = (a - b) / (moved[k] - vector[k])
+        return here, tangents
+
+    def regularisation(self) -> tuple[Array, Array]:
+        """Nothing: every parameter is told by the data, or held."""
+        return np.zeros((0, self.start.size)), np.zeros(0)
+
+    def start_of(self, vector: Array, number: int) -> Start:
+        """The history of a run."""
+        return self.starts[number]
+
+    def places_of(self, number: int) -> list[int]:
+        """Unknowns that belong to one run alone: none."""
+        return []
+
+    def _all(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        link = self._valued(self.quick, vector)
+        return [
+            self._run(link, number, voltage) + self._differences[number]
+            for number, voltage in enumerate(voltages)
+            if voltage.size
+        ]
+
+    def _valued(self, model: Ferroelectric, vector: Array) -> Ferroelectric:
+        values = {each.field: each.si(float(v)) for each, v in zip(self.coordinates, vector, strict=True)}
+        return dataclasses.replace(model, **values)
+
+    def _run(self, link: Ferroelectric, number: int, voltage: Array) -> Array:
+        record = self.records[number]
+        rest, times, before = prepared_drive(record, self.starts[number])
+        state = link.init(rest)
+        if times.size:
+            state, _ = link.step(state, Signals(time=times, voltage=before))
+        _, out = link.step(state, Signals(time=record.time, voltage=voltage))
+        return out.polarization

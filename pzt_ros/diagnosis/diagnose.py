@@ -1,0 +1,244 @@
+"""Fit, find what is missing, add it, and say how far the model is from the runs before and after."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pzt_ros.diagnosis.base import default_chain, fit_declared
+from pzt_ros.diagnosis.baselines import baselines
+from pzt_ros.diagnosis.checks import check_runs
+from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.flexible import fit_flexible
+from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.outcome import Errors, errors_of, estimates, model_of
+from pzt_ros.diagnosis.remains import Remains, remains_of
+from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
+from pzt_ros.diagnosis.search import Candidate, Search, Step
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
+from pzt_ros.physics.chain import Chain
+from pzt_ros.records import Record
+
+_SLOW_FLOOR = 2.0
+_RESOLUTION = 10
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The search on one base."""
+
+    density: str
+    base: Hypothesis
+    steps: tuple[Step, ...]
+
+    @property
+    def final(self) -> Hypothesis:
+        """Where it ended."""
+        return self.steps[-1].after if self.steps else self.base
+
+
+def diagnose(
+    train: Sequence[Record],
+    test: Sequence[Record],
+    chain: Chain | None = None,
+    *,
+    thresholds: Thresholds | None = None,
+    progress: Progress = lambda text: None,
+    command: str = "",
+) -> Report:
+    """Find what a chain lacks to describe the train runs, choosing by half of each test run, scoring with the rest.
+
+    Raises:
+        BenchError: runs that are too short, do not move, are given twice; a chain without a ceramic.
+    """
+    began = time.monotonic()
+    asked = thresholds or Thresholds()
+    check_runs(train, test)
+    runs = split(with_floors(train), with_floors(test))
+    declared = fit_declared(chain or default_chain(runs), runs, progress)
+    search = Search(asked, progress=progress)
+    branches = [Branch("gaussian", declared, tuple(search.run(declared)))]
+    if not search.at_floor(branches[0].final):
+        unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
+        flexible = fit_flexible(declared, unknown, _RESOLUTION, progress)
+        branches.append(Branch("identified", flexible, tuple(search.run(flexible))))
+    chosen = _chosen(branches, asked)
+    progress("predicting")
+    report = _report(runs, len(train), branches, chosen, asked, command)
+    return dataclasses.replace(report, seconds=time.monotonic() - began)
+
+
+def _chosen(branches: Sequence[Branch], asked: Thresholds) -> Branch:
+    """The first that reaches the floor, or the one with the least misfit."""
+    for branch in branches:
+        if max(branch.final.fit.ratio, branch.final.selection.ratio) <= asked.floor:
+            return branch
+    return min(branches, key=lambda branch: branch.final.total)
+
+
+def _report(
+    runs: Sequence[RunData],
+    trained: int,
+    branches: Sequence[Branch],
+    chosen: Branch,
+    asked: Thresholds,
+    command: str,
+) -> Report:
+    baseline = model_of(chosen.base, "baseline", command)
+    model = model_of(chosen.final, "model", command)
+    before, after = errors_of(baseline, runs), errors_of(model, runs)
+    tied = tuple(step.tied for step in chosen.steps if step.tied)
+    remains = remains_of(runs, after.residuals, asked.floor, _SLOW_FLOOR)
+    effects = _found(chosen, runs, before, after, command)
+    return Report(
+        train=tuple(runs[:trained]),
+        test=tuple(runs[trained:]),
+        noise=math.sqrt(float(np.mean([run.noise**2 for run in runs]))),
+        base=_base_as_data(chosen),
+        before=before,
+        after=after,
+        baseline=baseline,
+        model=model,
+        effects=effects,
+        tried=tuple(_tried(branches)),
+        not_identifiable=tied,
+        remains=remains,
+        next_experiment=_next_experiment(effects, tied, remains),
+        verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
+        baselines=baselines(runs),
+        command=command,
+    )
+
+
+def _base_as_data(chosen: Branch) -> dict[str, Any]:
+    return {"model": chosen.base.staged.ceramic.link(chosen.base.staged.ceramic.start).kind, "density": chosen.density}
+
+
+def _found(
+    chosen: Branch, runs: Sequence[RunData], before: Errors, after: Errors, command: str
+) -> tuple[FoundEffect, ...]:
+    """The effects that stand alone, each with the error before and after it was added."""
+    added = [candidate for step in chosen.steps if not step.tied for candidate in step.accepted]
+    final = estimates(chosen.final)
+    found, reached = [], before
+    for candidate in added:
+        last = candidate.after is chosen.final
+        now = after if last else errors_of(model_of(candidate.after, "step", command), runs)
+        own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
+        place = EFFECT_OF[candidate.name].place
+        found.append(FoundEffect(candidate.name, place, reached.test, now.test, own, _probability(candidate, chosen)))
+        reached = now
+    return tuple(found)
+
+
+def _probability(candidate: Candidate, chosen: Branch) -> float:
+    """Against the best of the other candidates and against nothing, by what they gain where nothing was fitted."""
+    step = next(step for step in chosen.steps if candidate in step.accepted)
+    rivals = [c for c in step.candidates if c.name != candidate.name]
+    gain = min(candidate.fit_gain, candidate.selection_gain)
+    others = [min(c.fit_gain, c.selection_gain) for c in rivals]
+    odds = [math.exp(min(0.5 * (other - gain) / _INFLATION, 0.0)) for other in (0.0, *others)]
+    return min(candidate.share, 1.0) ** 0.5 / (1.0 + sum(odds)) if odds else 1.0
+
+
+_INFLATION = 10.0
+
+
+def _tried(branches: Sequence[Branch]) -> list[Tried]:
+    found = []
+    for branch in branches:
+        for number, step in enumerate(branch.steps, start=1):
+            for candidate in step.candidates:
+                accepted = candidate in step.accepted
+                found.append(
+                    Tried(
+                        number,
+                        branch.density,
+                        candidate.name,
+                        _test_rms(candidate.after),
+                        candidate.fit_gain,
+                        candidate.selection_gain,
+                        candidate.fit_share,
+                        candidate.selection_share,
+                        accepted and not step.tied,
+                        _why(candidate, step),
+                    )
+                )
+            nan = math.nan
+            found += [
+                Tried(number, branch.density, name, nan, nan, nan, nan, nan, False, why)
+                for name, why in step.refused.items()
+            ]
+    return found
+
+
+def _why(candidate: Candidate, step: Step) -> str:
+    here, there = max(candidate.fit_share, 0.0), max(candidate.selection_share, 0.0)
+    shares = f"{here:.0%} of the excess where it was fitted, {there:.0%} where not"
+    if candidate.name in step.tied:
+        return f"{shares}; as good as {', '.join(name for name in step.tied if name != candidate.name)}"
+    if candidate in step.accepted:
+        return f"{shares}; {step.verdict}"
+    if step.accepted:
+        return f"{shares}; {step.accepted[0].name} explains more"
+    return f"{shares}; {step.verdict}"
+
+
+def _test_rms(hypothesis: Hypothesis) -> float:
+    """On the test runs, or on the train runs where there are none [m]."""
+    runs = hypothesis.staged.runs
+    tested = [number for number, run in enumerate(runs) if "score" in run.picks] or list(range(len(runs)))
+    outputs = hypothesis.staged.outputs(hypothesis.vector, tested)
+    left = [runs[number].record.displacement - out[0] for number, out in zip(tested, outputs, strict=True)]
+    return math.sqrt(float(np.mean(np.concatenate([(r - r.mean()) ** 2 for r in left]))))
+
+
+def _next_experiment(effects: Sequence[FoundEffect], tied: Sequence[Sequence[str]], remains: Remains) -> str:
+    for group in tied:
+        for other in group[1:]:
+            advice = CONFOUNDED.get(frozenset((group[0], other)))
+            if advice:
+                return advice
+        return f"{EFFECT_OF[group[0]].next_experiment} {EFFECT_OF[group[1]].next_experiment}"
+    if remains.present:
+        return "Repeat the part named above as it was; then with the drive at rest; then at another rate and amplitude."
+    if effects:
+        return f"To confirm {effects[0].name}: {EFFECT_OF[effects[0].name].next_experiment}"
+    return "None needed: a run at another rate and amplitude would widen the range that this holds for."
+
+
+def _verdict(
+    effects: Sequence[FoundEffect],
+    tied: Sequence[Sequence[str]],
+    remains: Remains,
+    before: Errors,
+    after: Errors,
+    tested: bool,
+) -> str:
+    which = "runs not fitted" if tested else "the train runs"
+    fall = f"the error on {which} falls from {before.test * 1e9:.4g} to {after.test * 1e9:.4g} nm rms"
+    sentences = []
+    if effects:
+        sentences.append(f"Missing: {', '.join(_words(e.name) for e in effects)}; {fall}")
+    if tied:
+        either = " or ".join(_words(name) for name in tied[0])
+        sentences.append(f"Not identifiable from this data: {either}" + ("" if effects else f"; {fall}"))
+    if not effects and not tied and not remains.present:
+        sentences.append(f"Nothing is missing: the error is {remains.times_noise:.2f} x the noise floor")
+    if remains.present:
+        start = "Something is missing that is not named" if not (effects or tied) else "Something unexplained remains"
+        sentences.append(f"{start}: {remains.what_is_seen}")
+    return ". ".join(sentences) + "."
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,133 @@
+"""From fitted hypotheses to chains that predict, and to the figures that a report states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.covariance import effective_samples, parameter_covariance
+from pzt_ros.sysid.predict import predict
+from pzt_ros.sysid.result import SETTLE_TIME
+from pzt_ros.sysid.run import rms
+
+_NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far predictions of the whole runs are from the measurements.
+
+    Attributes:
+        train, test: rms [m] over all train and over all test runs.
+        selection, score: of the halves of the test runs.
+        nrmse: of the test runs over their peak to peak [-].
+        interval: 95 % interval of `score` [m, m], given how the error remembers itself.
+        residuals: of every run, measurement minus prediction [m].
+    """
+
+    train: float
+    test: float
+    selection: float
+    score: float
+    nrmse: float
+    interval: tuple[float, float]
+    residuals: tuple[Array, ...]
+
+
+def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
+    """The chain of a hypothesis with what it needs to start on these runs and on others."""
+    staged, vector = hypothesis.staged, hypothesis.vector
+    chain = staged.chain_at(vector)
+    own = staged.ceramic.start.size
+    starts = [staged.ceramic.start_of(vector[:own], number) for number in range(len(staged.runs))]
+    entries = []
+    outputs = staged.outputs(vector, staged.fitted)
+    for number, (displacement, _) in zip(staged.fitted, outputs, strict=True):
+        run = staged.runs[number]
+        picks = run.picks[FIT]
+        values = {
+            f"{each.kind}.{each.field}": each.si(float(vector[own + k]))
+            for k, each in enumerate(staged.coordinates)
+            if each.run == number
+        }
+        entry: dict[str, Any] = {
+            "sha256": run.record.sha256,
+            "name": run.record.name,
+            "prior_voltage_V": list(starts[number].prior_voltages),
+            "leg_s": starts[number].leg,
+            "offset_m": float(np.mean((run.record.displacement - displacement)[picks])),
+        }
+        if starts[number].occupancy:
+            entry["occupancy"] = list(starts[number].occupancy)
+        entries.append({**entry, "values": values} if values else entry)
+    per_run = sorted({f"{each.kind}.{each.field}" for each in staged.coordinates if each.run is not None})
+    other: dict[str, Any] = {"settle_s": SETTLE_TIME, "prior_voltage_V": list(starts[0].prior_voltages)}
+    if per_run:
+        other["per_run"] = per_run
+    notes = {"description": f"{name}, fitted by pzt diagnose", "start": {"runs": entries, "other": other}}
+    notes["fit"] = {"command": command, "parameters": estimates(hypothesis)}
+    return replace(chain, name=f"{staged.chain.name}-{name}", notes=notes)
+
+
+def estimates(hypothesis: Hypothesis) -> dict[str, dict[str, Any]]:
+    """Value, standard error and unit [SI] of every parameter of the stage; an error is null where nothing tells it."""
+    staged, solution = hypothesis.staged, hypothesis.solution
+    covariance, undetermined = parameter_covariance(solution.jacobians, solution.residuals)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    coordinates = (*getattr(staged.ceramic, "coordinates", ()), *staged.coordinates)
+    first = staged.start.size - len(coordinates)
+    found = {}
+    for place, each in enumerate(coordinates, start=first):
+        if each.run is None:
+            value = each.si(float(solution.vector[place]))
+            known = not undetermined[place] and std[place] > 0.0
+            error = float(std[place]) * abs(each.slope(value)) if known else None
+            found[each.name] = {"value": value, "std": error, "unit": each.unit}
+    return found
+
+
+def errors_of(chain: Chain, runs: Sequence[RunData]) -> Errors:
+    """Free-run prediction of every run as `pzt predict` makes it."""
+    return errors_from([predict(chain, run.record).error for run in runs], runs)
+
+
+def errors_from(residuals: Sequence[Array], runs: Sequence[RunData]) -> Errors:
+    """The errors of any prediction, from measurement minus prediction of every run [m, each shape (n,)]."""
+    picked = {
+        part: [r[run.picks[part]] for r, run in zip(residuals, runs, strict=True) if part in run.picks]
+        for part in (FIT, SELECTION, SCORE)
+    }
+    train = [r for r, run in zip(residuals, runs, strict=True) if FIT in run.picks]
+    test = [r for r, run in zip(residuals, runs, strict=True) if SCORE in run.picks]
+    tested = test or train
+    spans = [float(np.ptp(run.record.displacement)) for run in runs if SCORE in run.picks or not test]
+    score = _rms_of(picked[SCORE] or picked[FIT])
+    return Errors(
+        train=_rms_of(train),
+        test=_rms_of(tested),
+        selection=_rms_of(picked[SELECTION] or picked[FIT]),
+        score=score,
+        nrmse=math.sqrt(float(np.mean([(rms(r) / s) ** 2 for r, s in zip(tested, spans, strict=True)]))),
+        interval=interval_95(picked[SCORE] or picked[FIT]),
+        residuals=tuple(residuals),
+    )
+
+
+def _rms_of(residuals: Sequence[Array]) -> float:
+    return rms(np.concatenate(residuals))
+
+
+def interval_95(residuals: Sequence[Array]) -> tuple[float, float]:
+    """95 % interval of an rms: the squares are averaged over as many samples as are independent."""
+    effective = sum(max(effective_samples(r**2 - np.mean(r**2)), 2.0) for r in residuals)
+    squares = np.concatenate(residuals) ** 2
+    mean, error = float(np.mean(squares)), float(np.std(squares)) / math.sqrt(effective)
+    return math.sqrt(max(mean - _NORMAL_95 * error, 0.0)), math.sqrt(mean + _NORMAL_95 * error)

@@ -1,0 +1,159 @@
+"""What is left after the repair: how large, when, and in which band, so that a person can go and look."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import signal as scipy_signal
+
+from pzt_ros.diagnosis.data import FIT, RunData
+from pzt_ros.physics.signals import Array
+
+_signal: Any = scipy_signal  # SciPy carries no types
+
+_LINE = 12.0  # a spectral line stands out by this factor over the median of its surroundings
+_WINDOWS = 24
+_MEAN_TIME = 0.05  # [s], slow remains show in means over this
+
+
+@dataclass(frozen=True)
+class Remains:
+    """The misfit that no named effect explains.
+
+    Attributes:
+        rms: over all parts [m].
+        times_noise: rms over the noise floor.
+        slow: rms of means over 50 ms, in units of what white noise would leave of them.
+        present: whether it is more than the noise.
+        what_is_seen: in words.
+    """
+
+    rms: float
+    times_noise: float
+    slow: float
+    present: bool
+    what_is_seen: str
+
+
+def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float, slow_floor: float) -> Remains:
+    """Describe residuals [m], one for each run.
+
+    Args:
+        runs, residuals: of the same length.
+        floor: rms over noise from which something is left.
+        slow_floor: the same for slow means.
+    """
+    centred = [_centred(run, r) for run, r in zip(runs, residuals, strict=True)]
+    rms = math.sqrt(float(np.mean(np.concatenate(centred) ** 2)))
+    ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, centred, strict=True)]
+    slow = [_slow_ratio(run, r) for run, r in zip(runs, centred, strict=True)]
+    times = math.sqrt(float(np.mean(np.square(ratios))))
+    present = max(ratios) > floor or max(slow) > slow_floor
+    return Remains(rms, times, max(slow), present, _described(runs, centred, ratios) if present else "")
+
+
+def _centred(run: RunData, residual: Array) -> Array:
+    """Without the offset of the part that was fitted, or of the whole."""
+    picks = run.picks.get(FIT)
+    return residual - float(np.mean(residual if picks is None else residual[picks]))
+
+
+def _slow_ratio(run: RunData, residual: Array) -> float:
+    step = float(np.median(np.diff(run.record.time)))
+    length = max(round(_MEAN_TIME / step), 4)
+    count = residual.size // length
+    if count < 8:
+        return 0.0
+    means = residual[: count * length].reshape(count, length).mean(axis=1)
+    return math.sqrt(float(np.mean(means**2)) * length) / run.noise
+
+
+def _described(runs: Sequence[RunData], residuals: Sequence[Array], ratios: Sequence[float]) -> str:
+    worst = int(np.argmax(ratios))
+    run, residual = runs[worst], residuals[worst]
+    parts = [
+        f"largest in {Path(run.record.name).name}: {ratios[worst]:.2f} x noise",
+        _when(run, residual),
+        _band(run, residual),
+        _line(run, residual),
+        _goes_with(run, residual),
+    ]
+    return "; ".join(part for part in parts if part)
+
+
+def _when(run: RunData, residual: Array) -> str:
+    time = run.record.time
+    pieces = np.array_split(np.arange(residual.size), min(_WINDOWS, residual.size // 8))
+    levels = np.array([np.sqrt(np.mean(residual[piece] ** 2)) for piece in pieces])
+    worst = int(np.argmax(levels))
+    piece = pieces[worst]
+    if levels[worst] < 1.5 * np.median(levels):
+        return "all along the run"
+    return (
+        f"strongest from {time[piece[0]]:.4g} to {time[piece[-1]]:.4g} s ({levels[worst] * 1e9:.3g} nm rms,"
+        f" {np.median(levels) * 1e9:.3g} nm in the middle of the run)"
+    )
+
+
+def _spectrum(run: RunData, residual: Array) -> tuple[Array, Array]:
+    """Frequencies [Hz] and power density [m^2/Hz], evenly resampled."""
+    time = run.record.time
+    step = float(np.median(np.diff(time)))
+    even = np.arange(time[0], time[-1], step)
+    values = np.interp(even, time, residual)
+    frequency, power = _signal.welch(values, 1.0 / step, nperseg=min(values.size, 4096), detrend="linear")
+    return frequency, power
+
+
+def _band(run: RunData, residual: Array) -> str:
+    frequency, power = _spectrum(run, residual)
+    edges = [0.0, *np.geomspace(max(frequency[1], 1e-3), frequency[-1], 8)]
+    white = run.noise**2 / frequency[-1]
+    excess = np.maximum(power - white, 0.0)
+    shares = [float(np.sum(excess[(frequency >= a) & (frequency <= b)])) for a, b in itertools.pairwise(edges)]
+    total = sum(shares)
+    if total <= 0.0:
+        return ""
+    worst = int(np.argmax(shares))
+    return f"{shares[worst] / total:.0%} of it between {edges[worst]:.3g} and {edges[worst + 1]:.3g} Hz"
+
+
+def _line(run: RunData, residual: Array) -> str:
+    frequency, power = _spectrum(run, residual)
+    if frequency.size < 32:
+        return ""
+    around = _signal.medfilt(power, 31)
+    ratio = power / np.maximum(around, 1e-300)
+    ratio[:4] = 0.0
+    peak = int(np.argmax(ratio))
+    return f"a line at {frequency[peak]:.4g} Hz" if ratio[peak] > _LINE else ""
+
+
+def _goes_with(run: RunData, residual: Array) -> str:
+    """With which signal of the run its size goes."""
+    record = run.record
+    rate = np.gradient(record.voltage, record.time)
+    signals = {
+        "the voltage": record.voltage,
+        "the square of the voltage": record.voltage**2,
+        "the sign of the drive's rate": np.sign(rate),
+        "the drive's rate": rate,
+        "time": record.time,
+    }
+    if record.temperature is not None:
+        signals["the temperature"] = record.temperature
+    found = {name: _correlation(values, residual) for name, values in signals.items()}
+    best = max(found, key=lambda name: abs(found[name]))
+    return f"goes with {best} (correlation {found[best]:+.2f})" if abs(found[best]) > 0.3 else ""
+
+
+def _correlation(a: Array, b: Array) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    return float(a @ b) / size if size > 0.0 else 0.0

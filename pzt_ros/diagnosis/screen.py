@@ -1,0 +1,150 @@
+"""Which effects are worth a refit: the signature of each, with what the base can absorb of it taken out.
+
+To correlate the residual with raw signatures names the wrong effect in every second case; after projection, none of 96
+(diagnosis-methods.md, finding 1). All that is judged here is judged again after the joint refit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pzt_ros.diagnosis.coordinates import Coordinate, of_effect
+from pzt_ros.diagnosis.data import FIT, SELECTION
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.staged import Staged
+from pzt_ros.effects.effect import Effect
+from pzt_ros.effects.insert import with_effect
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.link import Link
+from pzt_ros.physics.signals import Array
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """A candidate before its refit.
+
+    Attributes:
+        effect: which.
+        staged: the model with the effect in it.
+        start: where the refit starts.
+        total: as `Hypothesis.total`, predicted linearly.
+    """
+
+    effect: Effect
+    staged: Staged
+    start: Array
+    total: float
+
+
+class Screen:
+    """The tangent space of a hypothesis, on the parts that are fitted and on those that choose."""
+
+    def __init__(self, hypothesis: Hypothesis) -> None:
+        self.hypothesis = hypothesis
+        staged = hypothesis.staged
+        self._fitted = staged.fitted
+        self._choosing = [r for r, run in enumerate(staged.runs) if SELECTION in run.picks]
+        self._residual = np.concatenate(hypothesis.solution.residuals)
+        self._left = np.concatenate(hypothesis.selection_residuals) if self._choosing else np.zeros(0)
+        self._jacobian = np.vstack(hypothesis.solution.jacobians)
+        self._ahead = self._selection_jacobian()
+        self._rows, _ = staged.prior
+        self._length = np.linalg.norm(self._jacobian, axis=0) + 1e-300
+        whole = np.vstack((self._jacobian / self._length, self._rows / self._length))
+        u, s, vt = np.linalg.svd(whole, full_matrices=False)
+        sound = s > 1e-7 * s[0]
+        self._q, self._back = u[:, sound], (vt[sound].T / s[sound])
+        self.outputs = staged.outputs(hypothesis.vector, range(len(staged.runs)))
+
+    def _selection_jacobian(self) -> Array:
+        staged = self.hypothesis.staged
+        if not self._choosing:
+            return np.zeros((0, staged.start.size))
+        found: Array = np.vstack(staged.jacobians(self.hypothesis.vector, self._choosing, SELECTION)[1])
+        return found
+
+    def best(self, effect: Effect) -> Prospect | None:
+        """The start of an effect that promises most; None where none can be evaluated."""
+        prospects = []
+        for values in effect.starts:
+            link = dataclasses.replace(effect.link(), **values)
+            try:
+                prospects.append(self._prospect(effect, link))
+            except BenchError:
+                continue
+        return min((p for p in prospects if np.isfinite(p.total)), key=lambda p: p.total, default=None)
+
+    def _prospect(self, effect: Effect, link: Link) -> Prospect:
+        hypothesis = self.hypothesis
+        added = of_effect(effect, link, range(len(hypothesis.staged.runs)))
+        chain = with_effect(hypothesis.staged.chain, link)
+        staged = replace(hypothesis.staged, chain=chain, coordinates=(*hypothesis.staged.coordinates, *added))
+        shape = np.array([0.0 if each.field in effect.columns else each.scaled(each.start) for each in added])
+        signatures, ahead, places = self._signatures(effect, staged, added, shape)
+        amounts, shift, total = self._explained(signatures, ahead, bool(effect.per_run))
+        shape[places] = amounts
+        low, high = staged.bounds
+        start = np.clip(np.concatenate((hypothesis.vector + shift, shape)), low, high)
+        return Prospect(effect, staged, start, total)
+
+    def _signatures(
+        self, effect: Effect, staged: Staged, added: Sequence[Coordinate], shape: Array
+    ) -> tuple[Array, Array, list[int]]:
+        """What the effect does to the residuals: a column for each of its linear parameters, on both kinds of parts.
+
+        Returns:
+            Columns on what is fitted, columns on what chooses, and the places of the former among the added unknowns.
+        """
+        columns: list[Array] = []
+        ahead: list[Array] = []
+        places: list[int] = []
+        for field in effect.columns:
+            own = [k for k, each in enumerate(added) if each.field == field]
+            vector = shape.copy()
+            vector[own] = 1.0
+            there = staged.outputs(np.concatenate((self.hypothesis.vector, vector)), range(len(staged.runs)))
+            changes = [(a[0] - b[0], a[1] - b[1]) for a, b in zip(there, self.outputs, strict=True)]
+            fitted = [staged.runs[r].change(FIT, *changes[r]) for r in self._fitted]
+            choosing = [staged.runs[r].change(SELECTION, *changes[r]) for r in self._choosing]
+            if field in effect.per_run:
+                columns += [_only(fitted, k) for k in range(len(fitted))]
+                ahead += [_only(choosing, k) for k in range(len(choosing))]
+                places += [own[r] for r in self._fitted]
+            else:
+                columns.append(np.concatenate(fitted))
+                ahead.append(np.concatenate(choosing) if choosing else np.zeros(0))
+                places += own
+        width = (self._left.size, 0)
+        return np.column_stack(columns), np.column_stack(ahead) if ahead else np.zeros(width), places
+
+    def _explained(self, signatures: Array, ahead: Array, per_run: bool) -> tuple[Array, Array, float]:
+        """Amounts of the signatures, how the base moves with them, and the mean square that is left."""
+        padded = np.vstack((signatures, np.zeros((len(self._rows), signatures.shape[1]))))
+        residual = np.concatenate((self._residual, np.zeros(len(self._rows))))
+        clear = padded - self._q @ (self._q.T @ padded)
+        rest = residual - self._q @ (self._q.T @ residual)
+        amounts = np.linalg.lstsq(clear, -rest, rcond=1e-10)[0]
+        moved = -(self._back @ (self._q.T @ (residual + padded @ amounts)))
+        shift: Array = np.asarray(moved / self._length, dtype=float)
+        left = self._residual + self._jacobian @ shift + signatures @ amounts
+        total = float(left @ left) / left.size
+        if self._left.size:
+            total += self._chosen(shift, amounts, ahead, per_run)
+        return amounts, shift, total
+
+    def _chosen(self, shift: Array, amounts: Array, ahead: Array, per_run: bool) -> float:
+        """Mean square on the parts that choose; what belongs to a run is fitted there."""
+        left = self._left + self._ahead @ shift
+        if per_run:
+            amounts = np.linalg.lstsq(ahead, -left, rcond=1e-10)[0]
+        left = left + ahead @ amounts
+        return float(left @ left) / left.size
+
+
+def _only(parts: Sequence[Array], number: int) -> Array:
+    """One run's column, nothing elsewhere."""
+    return np.concatenate([part if k == number else np.zeros_like(part) for k, part in enumerate(parts)])

@@ -1,0 +1,244 @@
+"""Adding effects one after another: each is refitted together with the base and judged on both kinds of parts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
+from pzt_ros.diagnosis.screen import Prospect, Screen
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.effects.effect import Effect
+from pzt_ros.effects.table import EFFECTS
+from pzt_ros.errors import BenchError
+
+_REFIT_STEPS = 12
+_WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect refitted with the base, against the hypothesis without it.
+
+    Attributes:
+        name: of the effect.
+        before, after: without and with it.
+    """
+
+    name: str
+    before: Hypothesis
+    after: Hypothesis
+
+    @property
+    def fit_gain(self) -> float:
+        """n_eff ln(before/after) on what was fitted [-]."""
+        return _gain(self.before.fit, self.after.fit)
+
+    @property
+    def selection_gain(self) -> float:
+        """The same on what chooses."""
+        return _gain(self.before.selection, self.after.selection)
+
+    @property
+    def fit_share(self) -> float:
+        """Of the excess over the noise, on what was fitted [-]."""
+        return (self.before.fit.total - self.after.fit.total) / self.before.fit.excess
+
+    @property
+    def selection_share(self) -> float:
+        """The same on what chooses; 1 where nothing chooses."""
+        if not self.before.selection.samples:
+            return 1.0
+        return (self.before.selection.total - self.after.selection.total) / self.before.selection.excess
+
+    @property
+    def share(self) -> float:
+        """The smaller of both: an effect has to show itself where it was not fitted, too."""
+        return min(self.fit_share, self.selection_share)
+
+    @property
+    def size(self) -> float:
+        """Rms that it explains in units of the noise, the larger of both kinds of parts."""
+        squares = [
+            _mean(self.before.fit) - _mean(self.after.fit),
+            _mean(self.before.selection) - _mean(self.after.selection),
+        ]
+        return math.sqrt(max(*squares, 0.0))
+
+
+def _mean(misfit: Misfit) -> float:
+    return misfit.total / max(misfit.samples, 1)
+
+
+def _gain(before: Misfit, after: Misfit) -> float:
+    if not before.samples:
+        return math.inf
+    return after.effective * math.log(before.total / after.total)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of the search.
+
+    Attributes:
+        before: the hypothesis that it started from.
+        candidates: refitted, the best first.
+        refused: why each effect that was not refitted was not, by name.
+        accepted: the effects added, none where the search ended.
+        tied: names any of which explains the residual as well, the winner first; empty where there is one answer.
+        verdict: why it was decided so.
+    """
+
+    before: Hypothesis
+    candidates: tuple[Candidate, ...]
+    refused: dict[str, str]
+    accepted: tuple[Candidate, ...]
+    tied: tuple[str, ...]
+    verdict: str
+
+    @property
+    def after(self) -> Hypothesis:
+        """Where the search goes on."""
+        return self.accepted[-1].after if self.accepted else self.before
+
+
+@dataclass
+class Search:
+    """Forward addition of effects.
+
+    Attributes:
+        thresholds: what is asked of an effect.
+        effects: that may be named.
+        progress: is told what is being tried.
+    """
+
+    thresholds: Thresholds = field(default_factory=Thresholds)
+    effects: Sequence[Effect] = EFFECTS
+    progress: Callable[[str], None] = lambda text: None
+
+    def run(self, base: Hypothesis) -> list[Step]:
+        """Add effects until nothing that can be named is left."""
+        steps: list[Step] = []
+        current = base
+        while len(current.effects) < self.thresholds.most_effects:
+            step = self.step(current)
+            steps.append(step)
+            current = step.after
+            if not step.accepted or step.tied:
+                break
+        return steps
+
+    def step(self, before: Hypothesis) -> Step:
+        """One round: screen, refit, judge."""
+        candidates, refused = self._candidates(before)
+        sound = [c for c in candidates if self._is_significant(c)]
+        if not sound:
+            return Step(before, candidates, refused, (), (), self._nothing(before))
+        winner = sound[0]
+        if winner.share >= self.thresholds.share:
+            tied = self._tied(winner, sound[1:])
+            return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
+        pair = self._pair(before, sound)
+        if pair:
+            verdict = f"explains {_joint_share(before, pair):.0%} of the excess together"
+            return Step(before, candidates, refused, pair, (), verdict)
+        verdict = (
+            f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
+        )
+        return Step(before, candidates, refused, (), (), verdict)
+
+    def at_floor(self, hypothesis: Hypothesis) -> bool:
+        """Whether nothing is left that would have to be explained."""
+        worst = max(hypothesis.fit.ratio, hypothesis.selection.ratio)
+        return worst <= self.thresholds.floor
+
+    def _candidates(self, before: Hypothesis) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+        self.progress(f"screening {len(self.effects)} effects" + _beside(before.effects))
+        screen = Screen(before)
+        refused: dict[str, str] = {}
+        prospects: list[Prospect] = []
+        for effect in self.effects:
+            reason = self._why_not(effect, before)
+            prospect = None if reason else screen.best(effect)
+            if prospect is None:
+                refused[effect.name] = reason or "no start of it can be evaluated on these runs"
+            else:
+                prospects.append(prospect)
+        prospects.sort(key=lambda prospect: prospect.total)
+        worth = [p for p in prospects if before.total - p.total > 0.5 * self.thresholds.size**2]
+        for prospect in prospects:
+            if prospect not in worth[: self.thresholds.refits]:
+                refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
+                    f"{_promise(before, worth[0]):.0%} the best" if worth else "too little to look for"
+                )
+        with ThreadPoolExecutor(_WORKERS) as pool:
+            found = [c for c in pool.map(lambda p: self._refitted(before, p), worth[: self.thresholds.refits]) if c]
+        return tuple(sorted(found, key=lambda c: c.after.total)), refused
+
+    def _why_not(self, effect: Effect, before: Hypothesis) -> str:
+        if effect.name in before.effects or any(link.kind == effect.name for link in before.staged.chain.links):
+            return "is in the model"
+        missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
+        return f"cannot be seen without {', '.join(missing)}" if missing else ""
+
+    def _refitted(self, before: Hypothesis, prospect: Prospect) -> Candidate | None:
+        name = prospect.effect.name
+        self.progress(f"refitting with {name}" + _beside(before.effects))
+        try:
+            after = exact(fitted(prospect.staged, prospect.start, (*before.effects, name), _REFIT_STEPS))
+        except BenchError:
+            return None
+        return Candidate(name, before, after)
+
+    def _is_significant(self, candidate: Candidate) -> bool:
+        asked = self.thresholds
+        return (
+            candidate.fit_gain > asked.fit_gain
+            and candidate.selection_gain > asked.selection_gain
+            and candidate.size > asked.size
+        )
+
+    def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
+        """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
+        alike = [other.name for other in others if self._is_as_good(winner, other)]
+        return (winner.name, *alike) if alike else ()
+
+    def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:
+        gained = winner.before.total - winner.after.total
+        if winner.before.total - other.after.total < self.thresholds.tie * gained:
+            return False
+        decided = _gain(other.after.fit, winner.after.fit) > self.thresholds.decisive
+        if winner.before.selection.samples:
+            decided = decided and _gain(other.after.selection, winner.after.selection) > self.thresholds.decisive
+        return not (decided and self.at_floor(winner.after))
+
+    def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
+        """Two effects neither of which explains enough alone; empty where no two do."""
+        best: tuple[Candidate, ...] = ()
+        for first in sound[:2]:
+            following = [c for c in self._candidates(first.after)[0] if self._is_significant(c)]
+            if following:
+                pair = (first, following[0])
+                if not best or pair[-1].after.total < best[-1].after.total:
+                    best = pair
+        return best if best and _joint_share(before, best) >= self.thresholds.pair_share else ()
+
+    def _nothing(self, before: Hypothesis) -> str:
+        if self.at_floor(before):
+            return "nothing is left beyond the noise"
+        return "no effect of the library explains what is left, where it was fitted and where it was not"
+
+
+def _beside(effects: Sequence[str]) -> str:
+    return f" beside {', '.join(effects)}" if effects else ""
+
+
+def _promise(before: Hypothesis, prospect: Prospect) -> float:
+    excess = before.total - (2.0 if before.selection.samples else 1.0)
+    return max(before.total - prospect.total, 0.0) / max(excess, 1e-4)
+
+
+def _joint_share(before: Hypothesis, pair: Sequence[Candidate]) -> float:
+    return Candidate("", before, pair[-1].after).share

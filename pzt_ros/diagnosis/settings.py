@@ -1,0 +1,33 @@
+"""Every threshold of the diagnosis in one table; frozen before a scored run of the court."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What is asked of an effect before it is named.
+
+    Attributes:
+        fit_gain, selection_gain: n_eff ln(before/after) of the squares, on what is fitted and on what chooses.
+        size: smallest rms that is looked for, in units of the noise.
+        share: of the excess over the noise that an effect has to explain, on both kinds of parts.
+        pair_share: that two effects have to explain together where neither explains `share` alone.
+        floor: rms over noise up to which nothing is left to explain.
+        tie: share of the winner's gain from which another effect is as good.
+        decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
+        refits: candidates that are refitted at most.
+        most_effects: that are added at most.
+    """
+
+    fit_gain: float = 25.0
+    selection_gain: float = 15.0
+    size: float = 0.3
+    share: float = 0.5
+    pair_share: float = 0.8
+    floor: float = 1.05
+    tie: float = 0.93
+    decisive: float = 25.0
+    refits: int = 4
+    most_effects: int = 4

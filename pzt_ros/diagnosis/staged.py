@@ -1,0 +1,227 @@
+"""A chain in three stages, so that what has not changed is not computed again.
+
+Links before the ceramic turn the command into the voltage across it; the ceramic, nearly all of the work, turns that
+into polarization; links behind it make the displacement out of it. An unknown of the last stage costs a pass through
+links of a few ns a sample. An unknown of the ceramic costs one too: its tangent is taken once and carried through the
+last stage by a difference along it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
+from pzt_ros.diagnosis.data import FIT, RunData
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.link import Link
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.sysid.run import Start
+
+_STEP = 1e-4  # of a coordinate
+_ALONG = 1e-5  # of the largest polarization: how far a difference goes along a tangent of the ceramic
+
+
+class Hysteresis(Protocol):
+    """Voltage at the ceramic to polarization, for all runs at once, and how it changes with its own unknowns.
+
+    Voltages are those of all runs; of a run that is not asked for, an empty array, and nothing is returned for it.
+    """
+
+    names: list[str]
+    start: Array
+    lower: Array
+    upper: Array
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run [C/m^2, each shape (n,)]."""
+        ...
+
+    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+        """P and dP/d(vector) of each run [each shape (n,) and (n, p)]."""
+        ...
+
+    def regularisation(self) -> tuple[Array, Array]:
+        """Rows and targets that hold what the data do not tell [shapes (m, p), (m,)]."""
+        ...
+
+    def link(self, vector: Array) -> Link:
+        """The ceramic as a link."""
+        ...
+
+    def exact_at(self, vector: Array, voltages: Sequence[Array]) -> Hysteresis:
+        """The same, without approximation at a vector."""
+        ...
+
+    def start_of(self, vector: Array, number: int) -> Start:
+        """How a run starts."""
+        ...
+
+    def places_of(self, number: int) -> list[int]:
+        """Unknowns that belong to one run alone."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Staged:
+    """A chain over runs: residuals in units of the noise, and their Jacobian.
+
+    The vector is: the ceramic's unknowns, then those of the other links as `coordinates` lists them.
+
+    Attributes:
+        chain: with the values that are not sought; its ceramic only marks the place.
+        ceramic: what stands there.
+        runs: all of them, those that are fitted first.
+        coordinates: of the other links.
+    """
+
+    chain: Chain
+    ceramic: Hysteresis
+    runs: Sequence[RunData]
+    coordinates: tuple[Coordinate, ...]
+
+    @property
+    def start(self) -> Array:
+        """The vector that stands for the values as given."""
+        return np.concatenate((self.ceramic.start, [each.scaled(each.start) for each in self.coordinates]))
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest vector."""
+        limits = [each.bounds for each in self.coordinates]
+        low, high = [a for a, _ in limits], [b for _, b in limits]
+        return np.concatenate((self.ceramic.lower, low)), np.concatenate((self.ceramic.upper, high))
+
+    @property
+    def prior(self) -> tuple[Array, Array]:
+        """The ceramic's regularisation, with columns for all unknowns."""
+        rows, targets = self.ceramic.regularisation()
+        return np.hstack((rows, np.zeros((len(rows), len(self.coordinates))))), targets
+
+    @property
+    def fitted(self) -> list[int]:
+        """Indices of the runs with a part to fit."""
+        return [number for number, run in enumerate(self.runs) if FIT in run.picks]
+
+    def residuals(self, vector: Array) -> list[Array]:
+        """Misfit of every fitted run."""
+        outputs = self.outputs(vector, self.fitted)
+        return [self.runs[r].misfit(FIT, *out) for r, out in zip(self.fitted, outputs, strict=True)]
+
+    def linearise(self, vector: Array) -> tuple[list[Array], list[Array]]:
+        """Misfit of every fitted run and its Jacobian."""
+        return self.jacobians(vector, self.fitted, FIT)
+
+    def jacobians(self, vector: Array, numbers: Sequence[int], part: str) -> tuple[list[Array], list[Array]]:
+        """Misfit of runs on a part and its Jacobian [each shape (m,) and (m, p)]."""
+        driven = [self._driven(vector, number) for number in numbers]
+        polarized, along = self.ceramic.tangent(vector[: self._own], self._voltages(driven, numbers))
+        residuals, jacobians = [], []
+        for number, signals, p, columns in zip(numbers, driven, polarized, along, strict=True):
+            run, behind = self.runs[number], self._behind(vector, number)
+            here = _seen(behind, signals, p)
+            residual = run.misfit(part, *here)
+            jacobian = np.zeros((residual.size, vector.size))
+            for k in range(self._own):
+                jacobian[:, k] = run.change(part, *_carried(behind, signals, p, columns[:, k], here))
+            for k in range(len(self.coordinates)):
+                jacobian[:, self._own + k] = run.change(part, *self._difference(vector, number, k, signals, p, here))
+            residuals.append(residual)
+            jacobians.append(jacobian)
+        return residuals, jacobians
+
+    def outputs(self, vector: Array, numbers: Sequence[int]) -> list[tuple[Array, Array]]:
+        """Displacement [m] and recorded polarization [C/m^2] of runs, at every sample."""
+        driven = [self._driven(vector, number) for number in numbers]
+        polarized = self.ceramic.polarization(vector[: self._own], self._voltages(driven, numbers))
+        pairs = zip(numbers, driven, polarized, strict=True)
+        return [_seen(self._behind(vector, number), signals, p) for number, signals, p in pairs]
+
+    def exact_at(self, vector: Array) -> Staged:
+        """The same with the ceramic exact at a vector."""
+        numbers = range(len(self.runs))
+        voltages = self._voltages([self._driven(vector, number) for number in numbers], numbers)
+        return dataclasses.replace(self, ceramic=self.ceramic.exact_at(vector[: self._own], voltages))
+
+    def chain_at(self, vector: Array, number: int | None = None) -> Chain:
+        """The chain with the values of the vector, for one run or for the stage."""
+        chain = with_coordinates(self.chain, self.coordinates, vector[self._own :], number)
+        ceramic = self.ceramic.link(vector[: self._own])
+        return chain.with_links(lambda link: ceramic if isinstance(link, Ferroelectric) else link)
+
+    @property
+    def _own(self) -> int:
+        return self.ceramic.start.size
+
+    @property
+    def _place(self) -> int:
+        return next(place for place, link in enumerate(self.chain.links) if isinstance(link, Ferroelectric))
+
+    def _links(self, vector: Array, number: int) -> tuple[Link, ...]:
+        return with_coordinates(self.chain, self.coordinates, vector[self._own :], number).links
+
+    def _driven(self, vector: Array, number: int) -> Signals:
+        """The signals at the ceramic."""
+        return _passed(self._links(vector, number)[: self._place], self.runs[number].signals)
+
+    def _behind(self, vector: Array, number: int) -> tuple[Link, ...]:
+        return self._links(vector, number)[self._place + 1 :]
+
+    def _voltages(self, driven: Sequence[Signals], numbers: Sequence[int]) -> list[Array]:
+        """Of every run; empty for those that are not asked for."""
+        voltages = [np.empty(0)] * len(self.runs)
+        for number, signals in zip(numbers, driven, strict=True):
+            voltages[number] = signals.voltage
+        return voltages
+
+    def _difference(
+        self, vector: Array, number: int, k: int, signals: Signals, p: Array, here: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        """How the outputs of a run change with coordinate k of the other links."""
+        each = self.coordinates[k]
+        if each.run not in (None, number):
+            return np.zeros_like(here[0]), np.zeros_like(here[1])
+        step = _STEP if self.bounds[1][self._own + k] >= vector[self._own + k] + _STEP else -_STEP
+        moved = vector.copy()
+        moved[self._own + k] += step
+        if self._is_before(each):
+            there = self.outputs(moved, [number])[0]
+        else:
+            there = _seen(self._behind(moved, number), signals, p)
+        return (there[0] - here[0]) / step, (there[1] - here[1]) / step
+
+    def _is_before(self, each: Coordinate) -> bool:
+        return any(link.kind == each.kind for link in self.chain.links[: self._place])
+
+
+def _passed(links: Sequence[Link], signals: Signals) -> Signals:
+    """Signals behind a row of links that start at rest where the run starts."""
+    rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+    for link in links:
+        _, signals = link.step(link.init(rest), signals)
+    return signals
+
+
+def _seen(behind: Sequence[Link], signals: Signals, polarization: Array) -> tuple[Array, Array]:
+    """Displacement and polarization as recorded."""
+    out = _passed(behind, signals.replace(polarization=polarization))
+    return out.displacement, out.polarization
+
+
+def _carried(
+    behind: Sequence[Link], signals: Signals, polarization: Array, along: Array, here: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """A tangent of the ceramic, carried to the outputs."""
+    size = float(np.max(np.abs(along)))
+    if size == 0.0:
+        return np.zeros_like(here[0]), np.zeros_like(here[1])
+    step = _ALONG * max(float(np.max(np.abs(polarization))), 1e-6) / size
+    there = _seen(behind, signals, polarization + step * along)
+    return (there[0] - here[0]) / step, (there[1] - here[1]) / step
+
+
+Progress = Callable[[str], None]

@@ -1,0 +1,194 @@
+"""Bounded nonlinear least squares over several runs: Levenberg-Marquardt on the Gram matrix.
+
+Made for tall problems: some hundred coordinates, 100,000 samples, Jacobians that may be float32. Each step solves the
+damped quadratic model exactly within the bounds, so that non-negative weights come out as in NNLS.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from scipy import linalg
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics.signals import Array
+
+_linalg: Any = linalg  # SciPy carries no types
+
+_FIRST_DAMPING = 1e-4
+_LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e10
+_ROWS = 8192  # of a Jacobian that become float64 at once
+_ROUNDS = 200
+_ROUNDING = 1e-12
+
+
+class Problem(Protocol):
+    """What is to be solved: residuals and Jacobians run by run."""
+
+    def residuals(self, vector: Array) -> list[Array]:
+        """Residual of each run [each shape (n,)]; a BenchError or a value that is not finite refuses the vector."""
+        ...
+
+    def linearise(self, vector: Array) -> tuple[list[Array], list[Array]]:
+        """The same, and d(residual)/d(vector) of each run [each shape (n, p), float32 or float64]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search ended.
+
+    Attributes:
+        vector: [shape (p,)].
+        residuals, jacobians: there, run by run.
+        cost: sum of squares of the residuals and of the rows of the prior.
+        steps: accepted.
+        converged: False where it ended for another reason than the tolerance.
+    """
+
+    vector: Array
+    residuals: list[Array]
+    jacobians: list[Array]
+    cost: float
+    steps: int
+    converged: bool
+
+
+def solve(
+    problem: Problem,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    *,
+    most_steps: int,
+    tolerance: float,
+    prior: tuple[Array, Array] | None = None,
+    progress: Callable[[int, float], None] = lambda step, cost: None,
+) -> Solution:
+    """The vector within the bounds with the least cost that descent from `start` finds.
+
+    Args:
+        problem: see `Problem`; at `start` it has to be defined.
+        start, lower, upper: [shape (p,)]; the start is brought within the bounds.
+        most_steps: accepted steps.
+        tolerance: ends when a step gains, or promises to gain, less than this share of the cost [-].
+        prior: further residuals rows @ vector - targets [shapes (m, p), (m,)].
+        progress: is told the number of the step and the cost.
+
+    Raises:
+        BenchError: as the problem raises it at the start; a residual there that is not finite.
+    """
+    rows, targets = prior if prior is not None else (np.zeros((0, start.size)), np.zeros(0))
+    vector = np.clip(np.asarray(start, dtype=float), lower, upper)
+    residuals, jacobians = problem.linearise(vector)
+    cost = _cost(residuals, rows, targets, vector)
+    if not math.isfinite(cost):
+        raise BenchError("the model is not finite where the fit starts; check the parameters it starts from")
+    damping, growth, converged = _FIRST_DAMPING, 2.0, False
+    for count in range(most_steps + 1):
+        progress(count, cost)
+        gram, gradient = normal_equations(residuals, jacobians)
+        gram += rows.T @ rows
+        gradient += rows.T @ (rows @ vector - targets)
+        accepted = False
+        while not accepted and damping <= _MOST_DAMPING:
+            step = _damped_step(gram, gradient, damping, lower - vector, upper - vector)
+            promised = -(2.0 * float(gradient @ step) + float(step @ gram @ step))
+            converged = promised <= tolerance * cost
+            if converged or count == most_steps:
+                break
+            trial = np.clip(vector + step, lower, upper)
+            gained = cost - _cost_at(problem, trial, rows, targets)
+            accepted = gained > 0.0
+            if accepted:  # Nielsen (1999): smooth in the ratio of gain to promise
+                damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / promised - 1.0) ** 3)
+                damping, growth = max(damping, _LEAST_DAMPING), 2.0
+            else:
+                damping, growth = damping * growth, 2.0 * growth
+        if not accepted:
+            return Solution(vector, residuals, jacobians, cost, count, converged)
+        vector, cost = trial, cost - gained
+        residuals, jacobians = problem.linearise(vector)
+        if gained <= tolerance * (cost + gained):
+            return Solution(vector, residuals, jacobians, cost, count + 1, True)
+    raise AssertionError("unreachable: the last round accepts no step")
+
+
+def _cost(residuals: Sequence[Array], rows: Array, targets: Array, vector: Array) -> float:
+    prior = rows @ vector - targets
+    return sum(float(np.dot(r, r)) for r in residuals) + float(prior @ prior)
+
+
+def _cost_at(problem: Problem, vector: Array, rows: Array, targets: Array) -> float:
+    """Cost of a trial; infinite where the problem refuses it."""
+    try:
+        cost = _cost(problem.residuals(vector), rows, targets, vector)
+    except BenchError:
+        return math.inf
+    return cost if math.isfinite(cost) else math.inf
+
+
+def normal_equations(residuals: Sequence[Array], jacobians: Sequence[Array]) -> tuple[Array, Array]:
+    """J'J and J'r in float64, piece by piece: float32 sums over 100,000 samples would lose small differences."""
+    size = jacobians[0].shape[1]
+    gram, gradient = np.zeros((size, size)), np.zeros(size)
+    for residual, jacobian in zip(residuals, jacobians, strict=True):
+        used = np.flatnonzero(jacobian.any(axis=0))  # many coordinates belong to one run only
+        part, place = np.zeros((used.size, used.size)), np.ix_(used, used)
+        for low in range(0, residual.size, _ROWS):
+            piece = jacobian[low : low + _ROWS, used].astype(float)
+            part += piece.T @ piece
+            gradient[used] += piece.T @ residual[low : low + _ROWS]
+        gram[place] += part
+    return gram, gradient
+
+
+def _damped_step(gram: Array, gradient: Array, damping: float, low: Array, high: Array) -> Array:
+    """The bounded step of least damped cost; columns are scaled to length 1 first, so units do not matter."""
+    length = np.sqrt(np.diag(gram))
+    length[length == 0.0] = 1.0
+    scaled = gram / np.outer(length, length)
+    scaled[np.diag_indices_from(scaled)] += damping
+    return bounded_minimum(scaled, gradient / length, low * length, high * length) / length
+
+
+def bounded_minimum(gram: Array, gradient: Array, low: Array, high: Array) -> Array:
+    """The vector s within low <= s <= high of least s'Gs/2 + g's, G positive definite.
+
+    Projected Newton (Bertsekas 1982): coordinates that press against a bound stay, the others take the Newton step as
+    far as the bounds let them; every round descends, and once the right ones are held it is exact.
+
+    Args:
+        gram, gradient: G [shape (p, p)] and g [shape (p,)].
+        low, high: bounds [shape (p,)], infinite where there is none.
+    """
+    step = np.clip(np.zeros(gradient.size), low, high)
+    for _ in range(_ROUNDS):
+        slope = gram @ step + gradient
+        free = ~(((step <= low) & (slope >= 0.0)) | ((step >= high) & (slope <= 0.0)))
+        if not np.any(free):
+            break
+        way = np.zeros(gradient.size)
+        way[free] = -_linalg.cho_solve(_linalg.cho_factor(gram[np.ix_(free, free)]), slope[free])
+        moved = _descended(gram, slope, step, way, low, high)
+        if np.all(np.abs(moved - step) <= _ROUNDING * (np.abs(moved) + np.abs(step))):
+            break
+        step = moved
+    return step
+
+
+def _descended(gram: Array, slope: Array, step: Array, way: Array, low: Array, high: Array) -> Array:
+    """The step moved along `way`, bent at the bounds, as far as the cost falls enough (Armijo)."""
+    share = 1.0
+    while share > _ROUNDING:
+        moved: Array = np.clip(step + share * way, low, high)
+        change = moved - step
+        linear = float(slope @ change)
+        if linear + 0.5 * float(change @ gram @ change) <= 0.1 * linear:
+            return moved
+        share *= 0.5
+    return step

@@ -1,0 +1,310 @@
+"""The identified lattice over several runs at once, with its tangent: the flexible base hysteresis of a fit.
+
+Polarization is linear in the weights of the hats and in the occupancy at the start of a run, and both kinds of columns
+come out of one pass (diagnosis-methods.md 1 b3, 4); relaxation time and thermal field are differences of a pass each.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pzt_ros.errors import BenchError
+from pzt_ros.physics import identified_lattice_kernel as kernel
+from pzt_ros.physics.identified_hats import hat_sums, hats_of, node_count, nodes_of
+from pzt_ros.physics.identified_lattice import IdentifiedLattice
+from pzt_ros.physics.signals import ABSENT, Array, Rest
+
+LOG_TIME, LOG_WIDTH, SUSCEPTIBILITY, WEIGHTS = 0, 1, 2, 3
+"""Coordinates: ln tau, ln d, then as named; the occupancies follow the weights."""
+
+MARGIN = 0.15  # of the driven range: thermal activation switches thresholds beyond it
+_COARSEST = 0.8  # distance of the fine lines over d: beyond, the staircase shows (5e-4 at 1)
+_DIFFERENCE = 1e-4  # of ln tau and ln d
+_FINE = 160
+
+
+class IdentifiedHysteresis:
+    """Voltage at the ceramic to polarization for several runs at once, with its tangent.
+
+    Attributes:
+        names: of the coordinates.
+        start: first guess; may be replaced.
+        lower, upper: bounds in the fit's coordinates.
+        weight_strength: ridge: a weight of its share of an even density counts as this much of the noise's rms.
+        sum_strength: of the sum of weights, which a scale behind it could stand for; in the same unit.
+        smoothness_strength: of second differences of the density, over that of an even one.
+        rotation_strength: of differences of the density along constant coercive field; 0: none.
+        occupancy_strength: of the distance from 1/2 of an unknown occupancy.
+        kinetics_strength: of ln tau and ln d about `start`: holds them where the runs do not tell.
+    """
+
+    def __init__(
+        self,
+        times: Sequence[Array],
+        layer_thickness: float,
+        field_range: tuple[float, float],
+        *,
+        unknown_start: Sequence[bool],
+        resolution: int = 10,
+        occupancy_resolution: int = 10,
+        initial: str = "virgin",
+        total: float = 0.26,
+        most_lines: int = _FINE,
+        workers: int = 2,
+    ) -> None:
+        """
+        Args:
+            times: sample times of each run [s].
+            layer_thickness: [m].
+            field_range: lowest and highest field that any run reaches [V/m].
+            unknown_start: of each run; otherwise it starts as `initial` says.
+            resolution: coarse cells over the range; the density has about half their square of weights.
+            occupancy_resolution: the same for an unknown start.
+            initial: see IdentifiedLattice.
+            total: sum of weights [C/m^2].
+            most_lines: lines of the fine lattice; bounds the thermal field from below.
+            workers: threads.
+
+        Raises:
+            BenchError: an empty range of field, a run without samples.
+        """
+        low, high = field_range
+        span = high - low
+        if not (math.isfinite(span) and span > 0.0):
+            raise BenchError(f"identified lattice: field range {low:.6g} to {high:.6g} V/m is empty; drive the runs")
+        if len(times) != len(unknown_start) or any(time.size < 2 for time in times):
+            raise BenchError("identified lattice: every run needs two samples and a word on its start")
+        self.times, self.layer_thickness, self.total = list(times), layer_thickness, total
+        self.unknown_start, self.initial, self.most_lines = list(unknown_start), initial, most_lines
+        self.grid = np.concatenate(
+            ([low - MARGIN * span], np.linspace(low, high, resolution + 1), [high + MARGIN * span])
+        )
+        if initial == "virgin" and not all(unknown_start):
+            self.grid = _symmetric(self.grid)
+        self.occupancy_size = occupancy_resolution + 1
+        self.workers = workers
+        self.weight_strength, self.smoothness_strength, self.rotation_strength = 0.1, 3.0, 0.0
+        self.sum_strength, self.occupancy_strength, self.kinetics_strength = 1e3, 1.0, 0.1
+        fine = self.grid[0] + (np.arange(_FINE) + 0.5) / _FINE * (self.grid[-1] - self.grid[0])
+        sums = hat_sums(hats_of(fine, self.grid))
+        self._even = total * sums / sums.sum()
+        self._describe(low, high)
+
+    def _describe(self, low: float, high: float) -> None:
+        self.field_range, span = (low, high), high - low
+        nodes, starts = nodes_of(self.grid.size), node_count(self.occupancy_size)
+        unknown = [run for run, is_unknown in enumerate(self.unknown_start) if is_unknown]
+        self.names = [f"identified_lattice.{name}" for name in ("relaxation_time", "thermal_field", "susceptibility")]
+        self.names += [f"weight {up} {down}" for up, down in nodes]
+        self.names += [f"run {run} occupancy {node}" for run in unknown for node in range(starts)]
+        step = float(np.median(np.concatenate([np.diff(time) for time in self.times])))
+        longest = max(float(time[-1] - time[0]) for time in self.times)
+        finest = (self.grid[-1] - self.grid[0]) / (self.most_lines * _COARSEST)
+        count, free = len(self.names), starts * len(unknown)
+        self.lower, self.upper = np.zeros(count), np.full(count, np.inf)
+        self.lower[LOG_TIME], self.upper[LOG_TIME] = math.log(1e-7 * step), math.log(100.0 * longest)
+        self.lower[LOG_WIDTH], self.upper[LOG_WIDTH] = math.log(finest), math.log(0.25 * span)
+        self.upper[count - free :] = 1.0
+        even_slope = 0.2 * self.total / span
+        self.start = np.concatenate(
+            ([math.log(step), math.log(0.03 * span), even_slope], self._even, np.full(free, 0.5))
+        )
+
+    def for_runs(self, times: Sequence[Array], unknown_start: Sequence[bool]) -> IdentifiedHysteresis:
+        """The same lattice, coordinates, bounds and strengths for other runs."""
+        other = copy.copy(self)
+        other.times, other.unknown_start = list(times), list(unknown_start)
+        other._describe(*self.field_range)
+        shared = WEIGHTS + node_count(self.grid.size)
+        for name in ("start", "lower", "upper"):
+            getattr(other, name)[:shared] = getattr(self, name)[:shared]
+        return other
+
+    def link(self, vector: Array) -> IdentifiedLattice:
+        """The lattice of a vector."""
+        return IdentifiedLattice(
+            layer_thickness=self.layer_thickness,
+            relaxation_time=math.exp(vector[LOG_TIME]),
+            thermal_field=math.exp(vector[LOG_WIDTH]),
+            susceptibility=max(float(vector[SUSCEPTIBILITY]), 0.0),
+            most_lines=float(self.most_lines),
+            initial=self.initial,
+            grid=tuple(float(field) for field in self.grid),
+            weights=tuple(float(weight) for weight in self.weights(vector)),
+        )
+
+    def weights(self, vector: Array) -> Array:
+        """Polarization of each hat [C/m^2]."""
+        return np.maximum(vector[WEIGHTS : WEIGHTS + node_count(self.grid.size)], 0.0)
+
+    def occupancy(self, vector: Array, run: int) -> Array:
+        """x+ at the start of a run, for Rest [-]; absent where the start is known."""
+        place = self._places(run)
+        return np.clip(vector[place], 0.0, 1.0) if place.stop > place.start else ABSENT
+
+    def _places(self, run: int) -> slice:
+        """Where the occupancy of a run stands in the vector."""
+        size = node_count(self.occupancy_size)
+        begin = WEIGHTS + node_count(self.grid.size) + size * sum(self.unknown_start[:run])
+        return slice(begin, begin + size * int(self.unknown_start[run]))
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run [C/m^2, each shape (n,)].
+
+        Raises:
+            BenchError: as IdentifiedLattice.step.
+        """
+        link = self.link(vector)
+        _ = link.relays  # cached here, not in every thread
+        return self._together([partial(self._run, link, vector, run, voltages[run]) for run in _asked(voltages)])
+
+    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Any]]:
+        """P of each run, and dP/dvector [each shape (n, p), float32].
+
+        Raises:
+            BenchError: as IdentifiedLattice.step.
+        """
+        link = self.link(vector)
+        change = math.exp(_DIFFERENCE)  # the fine lattice has to stay, so the spacing falls as the width grows
+        slower = dataclasses.replace(link, relaxation_time=link.relaxation_time * change)
+        wider = dataclasses.replace(link, thermal_field=link.thermal_field * change, spacing=link.spacing / change)
+        for each in (link, slower, wider):
+            _ = each.relays
+        tasks: list[Callable[[], Array]] = []
+        asked = _asked(voltages)
+        jacobians = [np.zeros((self.times[run].size, len(self.names)), dtype=np.float32) for run in asked]
+        for run, jacobian in zip(asked, jacobians, strict=True):
+            tasks += [
+                partial(self._columns, link, vector, run, voltages[run], jacobian),
+                partial(self._run, slower, vector, run, voltages[run]),
+                partial(self._run, wider, vector, run, voltages[run]),
+            ]
+        found = self._together(tasks)
+        here = found[::3]
+        for number, jacobian in enumerate(jacobians):
+            for column, other in ((LOG_TIME, found[3 * number + 1]), (LOG_WIDTH, found[3 * number + 2])):
+                jacobian[:, column] = (other - here[number]) / _DIFFERENCE
+        return here, jacobians
+
+    def _together(self, tasks: Sequence[Callable[[], Array]]) -> list[Array]:
+        if self.workers < 2 or len(tasks) < 2:
+            return [task() for task in tasks]
+        with ThreadPoolExecutor(self.workers) as pool:
+            return list(pool.map(lambda task: task(), tasks))
+
+    def _rest(self, vector: Array, run: int, voltages: Array) -> Rest:
+        """What a run starts from."""
+        return Rest(float(self.times[run][0]), float(voltages[0]), occupancy=self.occupancy(vector, run))
+
+    def _run(self, link: IdentifiedLattice, vector: Array, run: int, voltages: Array) -> Array:
+        state = link.init(self._rest(vector, run, voltages))
+        polarization, phase_fraction = np.empty(voltages.size), np.empty(voltages.size)
+        bad = kernel.run(state, link.relays, self.times[run], voltages, polarization, phase_fraction)
+        _check(bad, run, self.times[run], voltages)
+        return polarization
+
+    def _columns(self, link: IdentifiedLattice, vector: Array, run: int, voltages: Array, jacobian: Any) -> Array:
+        """Fill the columns that are linear; returns P."""
+        hats, place = link.hats, self._places(run)
+        starts = hats_of(link.lines, np.linspace(self.grid[0], self.grid[-1], self.occupancy_size))
+        columns = jacobian[:, WEIGHTS : WEIGHTS + node_count(hats.size)]
+        starts_at = place.start if self.unknown_start[run] else -1
+        polarization = np.empty(voltages.size)
+        state = link.init(self._rest(vector, run, voltages))
+        bad = kernel.run_columns(
+            state,
+            link.relays,
+            self.times[run],
+            voltages,
+            polarization,
+            jacobian,
+            hats,
+            WEIGHTS,
+            starts,
+            starts_at,
+        )
+        _check(bad, run, self.times[run], voltages)
+        columns *= (2.0 / hat_sums(hats)).astype(np.float32)
+        columns -= 1.0
+        jacobian[:, place] *= 2.0
+        jacobian[:, SUSCEPTIBILITY] = voltages / self.layer_thickness
+        return polarization
+
+    def regularisation(self) -> tuple[Array, Array]:
+        """Rows [shape (m, p)] and targets [shape (m,)] of what is believed before the data, in units of the noise."""
+        count, nodes = len(self.names), node_count(self.grid.size)
+        blocks: list[tuple[Array, Array]] = []
+
+        def add(strengths: Array, places: slice, target: Array) -> None:
+            rows = np.zeros((strengths.shape[0], count))
+            rows[:, places] = strengths
+            blocks.append((rows, strengths @ target))
+
+        weights = slice(WEIGHTS, WEIGHTS + nodes)
+        relative = np.diag(1.0 / self._even)
+        add(self.kinetics_strength * np.eye(2), slice(LOG_TIME, LOG_WIDTH + 1), self.start[: LOG_WIDTH + 1])
+        add(self.weight_strength * relative, weights, np.zeros(nodes))
+        add(np.full((1, nodes), self.sum_strength / self.total), weights, self._even)
+        for strength, rows in (
+            (self.smoothness_strength, _curvatures(self.grid.size)),
+            (self.rotation_strength, _rotations(self.grid.size)),
+        ):
+            if strength > 0.0:
+                add(strength * rows @ relative, weights, np.zeros(nodes))
+        free = count - WEIGHTS - nodes
+        add(self.occupancy_strength * np.eye(free), slice(count - free, count), np.full(free, 0.5))
+        return np.vstack([rows for rows, _ in blocks]), np.concatenate([target for _, target in blocks])
+
+
+def _symmetric(grid: Array) -> Array:
+    """The grid with a line more where it is not symmetric about 0: a virgin relay may switch once and never back."""
+    reach = max(-grid[0], grid[-1])
+    lower, upper = ([-reach] if -reach < grid[0] else []), ([reach] if reach > grid[-1] else [])
+    return np.concatenate((lower, grid, upper))
+
+
+def _asked(voltages: Sequence[Array]) -> list[int]:
+    """The runs whose voltage is given."""
+    return [run for run, voltage in enumerate(voltages) if voltage.size]
+
+
+def _rotations(size: int) -> Array:
+    """Differences between nodes next to each other along constant coercive field [shape (m, nodes)]."""
+    return _stencils(size, (((0, 0), -1.0), ((1, 1), 1.0)))
+
+
+def _curvatures(size: int) -> Array:
+    """Second differences along both thresholds [shape (m, nodes)]."""
+    along_up = (((-1, 0), 1.0), ((0, 0), -2.0), ((1, 0), 1.0))
+    along_down = (((0, -1), 1.0), ((0, 0), -2.0), ((0, 1), 1.0))
+    return np.vstack([_stencils(size, along_up), _stencils(size, along_down)])
+
+
+def _stencils(size: int, stencil: Sequence[tuple[tuple[int, int], float]]) -> Array:
+    """A row with the factors of the stencil wherever all its nodes are on the grid."""
+    place = {node: number for number, node in enumerate(nodes_of(size))}
+    rows = []
+    for up, down in place:
+        nodes = [((up + right, down + above), factor) for (right, above), factor in stencil]
+        if all(node in place for node, _ in nodes):
+            row = np.zeros(len(place))
+            for node, factor in nodes:
+                row[place[node]] = factor
+            rows.append(row)
+    return np.array(rows)
+
+
+def _check(bad: int, run: int, time: Array, voltages: Array) -> None:
+    if bad >= 0:
+        raise BenchError(
+            f"identified lattice: run {run}, sample {bad} ({time[bad]:.9g} s, {voltages[bad]:.6g} V) is not finite,"
+            " beyond 1 GV/m, or not after the one before; drop or sort it"
+        )

@@ -1,0 +1,46 @@
+"""Fewer samples of a run that say the same about its drive: for searches that need not be exact."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pzt_ros.physics.signals import Array
+
+
+@njit(cache=True)
+def _kept(time, voltage, step, gap, tolerance):  # type: ignore[no-untyped-def]
+    kept = [0]
+    anchor, lowest, highest = 0, -math.inf, math.inf
+    k = 1
+    while k < time.size:
+        duration = time[k] - time[anchor]
+        slope = (voltage[k] - voltage[anchor]) / duration
+        bent = slope < lowest or slope > highest
+        if k > anchor + 1 and (bent or abs(voltage[k] - voltage[anchor]) > step or duration > gap):
+            anchor, lowest, highest = k - 1, -math.inf, math.inf
+            kept.append(anchor)
+            continue
+        lowest = max(lowest, (voltage[k] - tolerance - voltage[anchor]) / duration)
+        highest = min(highest, (voltage[k] + tolerance - voltage[anchor]) / duration)
+        k += 1
+    if kept[-1] < time.size - 1:
+        kept.append(time.size - 1)
+    return np.array(kept)
+
+
+def kept_samples(time: Array, voltage: Array, step: float, gap: float, tolerance: float) -> NDArray[np.intp]:
+    """Indices of samples whose straight connections stay within a tolerance of the drive (swinging door).
+
+    Args:
+        time, voltage: of the run [s, V].
+        step: largest step of voltage between two of them, where the run has smaller ones [V].
+        gap: longest time between two of them, likewise [s].
+        tolerance: of the voltage between them [V].
+    """
+    kept: Any = _kept(time, voltage, step, gap, tolerance)
+    return np.asarray(kept, dtype=np.intp)
