@@ -91,7 +91,8 @@ def _fast(model: Ferroelectric) -> Ferroelectric:
     shared = [name for name in parameters_of(Front) if name in parameters_of(model)]
     values: dict[str, Any] = {name: getattr(model, name) for name in shared}
     values["accuracy"] = _COARSE_ACCURACY
-    return Front(**values, coercive_density=model.coercive_density, interaction_density=model.interaction_density)
+    tables = {name: getattr(model, name) for name in ("coercive_density", "interaction_density", "threshold_density")}
+    return Front(**values, **tables)
 
 
 def _coarse(model: Ferroelectric) -> Ferroelectric:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from pzt_ros.diagnosis.base import default_chain, fit_declared
 from pzt_ros.diagnosis.baselines import baselines
@@ -64,25 +65,41 @@ def diagnose(
     asked = thresholds or Thresholds()
     check_runs(train, test)
     runs = split(with_floors(train), with_floors(test))
-    declared = fit_declared(chain or default_chain(runs), runs, progress)
-    search = Search(asked, progress=progress)
-    branches = [Branch("gaussian", declared, tuple(search.run(declared)))]
-    if not search.at_floor(branches[0].final):
-        unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
-        flexible = fit_flexible(declared, unknown, _RESOLUTION, progress)
-        branches.append(Branch("identified", flexible, tuple(search.run(flexible))))
+    with threadpool_limits(limits=1):  # candidates are refitted side by side; BLAS threads would fight with them
+        declared = fit_declared(chain or default_chain(runs), runs, progress)
+        branches = _branches(declared, asked, progress)
     chosen = _chosen(branches, asked)
     progress("predicting")
     report = _report(runs, len(train), branches, chosen, asked, command)
     return dataclasses.replace(report, seconds=time.monotonic() - began)
 
 
+def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress) -> list[Branch]:
+    """Searches on the declared base and, where that leaves something, on the flexible one."""
+    search = Search(asked, progress=progress)
+    steps = search.run(declared)
+    if not search.explains(steps, declared):
+        steps = [*steps[:-1], search.pair_step(steps[-1])]
+    branches = [Branch("gaussian", declared, tuple(steps))]
+    if search.explains(steps, declared):
+        return branches
+    runs = declared.staged.runs
+    unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
+    flexible = fit_flexible(declared, unknown, _RESOLUTION, progress)
+    search = Search(asked.on_flexible(), progress=progress)
+    if search.at_floor(flexible):
+        return [*branches, Branch("identified", flexible, ())]
+    steps = search.run(flexible)
+    if not search.explains(steps, flexible):
+        steps = [*steps[:-1], search.pair_step(steps[-1])]
+    return [*branches, Branch("identified", flexible, tuple(steps))]
+
+
 def _chosen(branches: Sequence[Branch], asked: Thresholds) -> Branch:
-    """The first that reaches the floor, or the one with the least misfit."""
-    for branch in branches:
-        if max(branch.final.fit.ratio, branch.final.selection.ratio) <= asked.floor:
-            return branch
-    return min(branches, key=lambda branch: branch.final.total)
+    """The first that explains all, or the one with the least misfit."""
+    search = Search(asked)
+    explaining = [branch for branch in branches if search.explains(branch.steps, branch.base)]
+    return explaining[0] if explaining else min(branches, key=lambda branch: branch.final.total)
 
 
 def _report(

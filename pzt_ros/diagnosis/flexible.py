@@ -6,10 +6,14 @@ does not come down to the noise, effects are looked for on this base.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
 
 from pzt_ros.diagnosis.coordinates import coordinate
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link
@@ -19,17 +23,62 @@ from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.sysid.identified import IdentifiedHysteresis
 from pzt_ros.sysid.run import Start
 
-_STEPS = 25
+_STEPS = 15
+_REMEMBERED = 6  # polarizations at other voltages
 _LEAST_TERM = 0.05  # of the quadratic term at 0.25 C/m^2: where the others start
 _TYPICAL_POLARIZATION = 0.25
 
 
 class FlexibleHysteresis(IdentifiedHysteresis):
-    """The identified lattice as a `staged.Hysteresis`."""
+    """The identified lattice as a `staged.Hysteresis`.
+
+    Polarization is linear in the weights and the occupancies, and bends little with the logarithms of relaxation time
+    and thermal field. So once `exact_at` has taken the tangent somewhere, a copy goes along it: refits with effects
+    behind the ceramic then cost no pass over the lattice, those with effects before it one for each new voltage.
+    """
+
+    _at: tuple[Array, list[Array], list[Array], list[Array]] | None = None
+    """Where the tangent was taken: vector, voltages, polarizations, columns of every run."""
 
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> FlexibleHysteresis:
-        """Itself: it has no approximation."""
-        return self
+        """A copy that goes along the tangent taken here."""
+        found = copy.copy(self)
+        polarizations, columns = IdentifiedHysteresis.tangent(self, vector, voltages)
+        found._at = (vector.copy(), list(voltages), polarizations, columns)
+        found._known = {}
+        return found
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run whose voltage is given [C/m^2]."""
+        if self._at is None:
+            return super().polarization(vector, voltages)
+        asked = [number for number, voltage in enumerate(voltages) if voltage.size]
+        step = vector - self._at[0]
+        moved = [self._at[3][number] @ step for number in asked]
+        return [self._here(number, voltages[number]) + m for number, m in zip(asked, moved, strict=True)]
+
+    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Any]]:
+        """P of each run whose voltage is given and how it changes with every unknown."""
+        if self._at is None:
+            return super().tangent(vector, voltages)
+        columns = [self._at[3][number] for number, voltage in enumerate(voltages) if voltage.size]
+        return self.polarization(vector, voltages), columns
+
+    def _here(self, number: int, voltage: Array) -> Array:
+        """P of a run where the tangent was taken, at a voltage that may be another."""
+        assert self._at is not None
+        vector, voltages, polarizations, _ = self._at
+        if voltage is voltages[number] or np.array_equal(voltage, voltages[number]):
+            return polarizations[number]
+        key = voltage.tobytes()
+        if key not in self._known:
+            while len(self._known) >= _REMEMBERED:
+                self._known.pop(next(iter(self._known)), None)
+            alone = [voltage if other == number else np.empty(0) for other in range(len(voltages))]
+            self._known[key] = IdentifiedHysteresis.polarization(self, vector, alone)[0]
+        return self._known[key]
+
+    _known: dict[bytes, Array]
 
     def start_of(self, vector: Array, number: int) -> Start:
         """The occupancy that was fitted, or its own initial state."""
@@ -74,7 +123,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], resolution: int,
     start = staged.start
     if kept:
         start[-len(kept) :] = declared.vector[-len(kept) :]
-    return fitted(staged, start, most_steps=_STEPS)
+    return exact(fitted(staged, start, most_steps=_STEPS))
 
 
 def _law(link: Electrostriction) -> StrainLaw:

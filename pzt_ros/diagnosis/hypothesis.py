@@ -14,7 +14,7 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.gauss_newton import Solution, solve
 
-_CORRECTIONS = 3
+_CORRECTIONS = 2
 _STAYS = 0.01  # change of coordinates, that is 1 % of a parameter
 
 

@@ -129,7 +129,7 @@ class Screen:
         rest = residual - self._q @ (self._q.T @ residual)
         amounts = np.linalg.lstsq(clear, -rest, rcond=1e-10)[0]
         moved = -(self._back @ (self._q.T @ (residual + padded @ amounts)))
-        shift: Array = np.asarray(moved / self._length, dtype=float)
+        shift: Array = (moved / self._length).astype(np.float64)
         left = self._residual + self._jacobian @ shift + signatures @ amounts
         total = float(left @ left) / left.size
         if self._left.size:
@@ -140,7 +140,7 @@ class Screen:
         """Mean square on the parts that choose; what belongs to a run is fitted there."""
         left = self._left + self._ahead @ shift
         if per_run:
-            amounts = np.linalg.lstsq(ahead, -left, rcond=1e-10)[0]
+            amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
         left = left + ahead @ amounts
         return float(left @ left) / left.size
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
 from pzt_ros.diagnosis.screen import Prospect, Screen
@@ -140,14 +140,26 @@ class Search:
         if winner.share >= self.thresholds.share:
             tied = self._tied(winner, sound[1:])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
-        pair = self._pair(before, sound)
-        if pair:
-            verdict = f"explains {_joint_share(before, pair):.0%} of the excess together"
-            return Step(before, candidates, refused, pair, (), verdict)
         verdict = (
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
+
+    def pair_step(self, step: Step) -> Step:
+        """Where no effect alone explained enough: two that do together, or the step as it was."""
+        sound = [c for c in step.candidates if self._is_significant(c) and c.share > self.thresholds.half_share]
+        pair = self._pair(step.before, sound) if not step.accepted else ()
+        if not pair:
+            return step
+        verdict = f"explains {_joint_share(step.before, pair):.0%} of the excess together"
+        return replace(step, accepted=pair, verdict=verdict)
+
+    def explains(self, steps: Sequence[Step], base: Hypothesis) -> bool:
+        """Whether a search ended where nothing is left, or nothing but what its effects' shapes are off by."""
+        final = steps[-1].after if steps else base
+        share = Candidate("", base, final).share if final is not base else 0.0
+        worst = max(final.fit.ratio, final.selection.ratio)
+        return self.at_floor(final) or (share > self.thresholds.whole and worst < self.thresholds.near_floor)
 
     def at_floor(self, hypothesis: Hypothesis) -> bool:
         """Whether nothing is left that would have to be explained."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -13,21 +13,33 @@ class Thresholds:
         fit_gain, selection_gain: n_eff ln(before/after) of the squares, on what is fitted and on what chooses.
         size: smallest rms that is looked for, in units of the noise.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
+        half_share: that one of two effects has to explain alone.
         pair_share: that two effects have to explain together where neither explains `share` alone.
         floor: rms over noise up to which nothing is left to explain.
+        whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
         tie: share of the winner's gain from which another effect is as good.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         refits: candidates that are refitted at most.
         most_effects: that are added at most.
+        flexible_share, flexible_size: as `share` and `size`, on the flexible base.
     """
 
     fit_gain: float = 25.0
     selection_gain: float = 15.0
     size: float = 0.3
     share: float = 0.5
+    half_share: float = 0.2
     pair_share: float = 0.8
     floor: float = 1.05
+    whole: float = 0.9
+    near_floor: float = 1.15
     tie: float = 0.93
     decisive: float = 25.0
     refits: int = 4
     most_effects: int = 4
+    flexible_share: float = 0.6
+    flexible_size: float = 0.5
+
+    def on_flexible(self) -> Thresholds:
+        """What is asked on the flexible base: its own misfit is less well known, so more."""
+        return replace(self, share=self.flexible_share, size=self.flexible_size)

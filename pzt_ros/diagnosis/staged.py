@@ -125,7 +125,7 @@ class Staged:
             run, behind = self.runs[number], self._behind(vector, number)
             here = _seen(behind, signals, p)
             residual = run.misfit(part, *here)
-            jacobian = np.zeros((residual.size, vector.size))
+            jacobian = np.zeros((residual.size, vector.size), order="F")  # it is filled by columns
             for k in range(self._own):
                 jacobian[:, k] = run.change(part, *_carried(behind, signals, p, columns[:, k], here))
             for k in range(len(self.coordinates)):

@@ -1,0 +1,82 @@
+"""Specimens drawn at random: the families by name, their parameters within what real ceramics show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .drives import poled
+from .families import STROKE, OperatorTruth, RelayTruth, StrainLaw, Truth
+
+RIGHT = "gaussian"
+"""The family that the library can represent."""
+
+WRONG = (
+    "two_component", "correlated", "skewed", "tilted", "boxy", "heavy_tailed", "strain_law",
+    "play_sum", "bouc_wen", "maxwell_slip", "wedge_preisach",
+)  # fmt: skip
+"""Families that it cannot: densities, a strain law, and four operators that are no energy model."""
+
+
+def specimen(family: str, rng: np.random.Generator) -> Truth:
+    """A truth of the family, scaled to the stroke of the court."""
+    truth = _operator(family, rng) if family in _OPERATORS else _relays(family, rng)
+    program = poled(4.0, 0.5).to(-30.0, 1.0).hold(0.2)
+    drive = program.drive()
+    p, _ = truth.polarization(drive.time, drive.command, 0.0, np.inf)
+    y = truth.displacement(p[4000:])
+    scale = STROKE / float(np.ptp(y))
+    if isinstance(truth, RelayTruth):
+        return replace(truth, law=replace(truth.law, gain=truth.law.gain * scale))
+    return replace(truth, gain=truth.gain * scale)
+
+
+def _relays(family: str, rng: np.random.Generator) -> RelayTruth:
+    parameters = {
+        "coercive_field": rng.uniform(0.42, 0.62),
+        "coercive_sigma": rng.uniform(0.35, 0.55),
+        "interaction_sigma": rng.uniform(0.38, 0.55),
+    }
+    more = {
+        "two_component": {
+            "hard_field": rng.uniform(0.9, 1.1),
+            "hard_sigma": rng.uniform(0.1, 0.2),
+            "hard_share": rng.uniform(0.15, 0.35),
+        },
+        "correlated": {"correlation": rng.uniform(0.3, 0.6)},
+        "skewed": {"log_sigma": rng.uniform(0.5, 0.8)},
+        "tilted": {"tilt": rng.choice((-1, 1)) * rng.uniform(0.2, 0.4)},
+    }.get(family, {})  # fmt: skip
+    if family == "skewed":
+        del parameters["coercive_sigma"]
+    kinetics = {
+        "relaxation_time": 1e-3 * np.exp(rng.uniform(np.log(0.5), np.log(3.0))),
+        "thermal_width": rng.uniform(0.058, 0.08),
+        "susceptibility": rng.uniform(0.014, 0.022),
+    }
+    law = StrainLaw()
+    if family == "strain_law":
+        law = StrainLaw(
+            cubic=rng.choice((-1, 1)) * rng.uniform(0.03, 0.08), quartic=rng.choice((-1, 1)) * rng.uniform(0.03, 0.08)
+        )
+    density = RIGHT if family == "strain_law" else family
+    return RelayTruth(family, density, {**parameters, **more, **kinetics}, law)
+
+
+_OPERATORS = ("play_sum", "bouc_wen", "maxwell_slip", "wedge_preisach")
+
+
+def _operator(family: str, rng: np.random.Generator) -> OperatorTruth:
+    curvature = {"curvature": rng.uniform(-0.1, 0.1)}
+    shape = {
+        "play_sum": {"loop": rng.uniform(0.5, 0.8), "memory": rng.uniform(0.1, 0.2)},
+        "bouc_wen": {"loop": rng.uniform(0.1, 0.2), "beta": rng.uniform(1.5, 3.0), "gamma": rng.uniform(-0.8, 0.3)},
+        "maxwell_slip": {"loop": rng.uniform(0.4, 0.7), "slip": rng.uniform(0.05, 0.1)},
+        "wedge_preisach": {
+            "loop": rng.uniform(0.4, 0.7),
+            "low": rng.uniform(-0.5, -0.4),
+            "high": rng.uniform(1.1, 1.3),
+        },
+    }[family]
+    return OperatorTruth(family, {**shape, **curvature})
