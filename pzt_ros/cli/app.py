@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from pzt_ros.cli import bag, bench, diagnose, figures, graph, model
+from pzt_ros.cli import bag, bench, demo, diagnose, figures, graph, model
 from pzt_ros.errors import BenchError
 
 
@@ -22,6 +22,7 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     graph.add_to(app)
+    demo.add_to(app)
     model.add_to(app)
     diagnose.add_to(app)
     bag.add_to(app)

@@ -1,4 +1,4 @@
-"""`pzt run` and `pzt demo`: the node graph. ROS is started in processes of its own; this file does not import it."""
+"""`pzt run`: the node graph. ROS is started in processes of its own; this file does not import it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="the numbers of the report,
 
 
 def add_to(app: typer.Typer) -> None:
-    """Add the commands to the program."""
+    """Add the command to the program."""
     app.command()(run)
-    app.command()(demo)
 
 
 def run(
@@ -48,24 +47,6 @@ def run(
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace}
     flags = {"--composed": composed, "--real-time": real_time}
     run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)
-
-
-def demo(
-    out: Out = None,
-    seed: Annotated[
-        int | None, typer.Option(help="of the simulated noise; the scenario's own by default", min=0)
-    ] = None,
-    overwrite: Overwrite = False,
-    as_json: AsJson = False,
-) -> None:
-    """The whole story: poling, then a 10 um triangle at 1 Hz with each of the four controllers, a bag and a report.
-
-    Example: pzt demo --out demo
-    """
-    folder = run_folder(out, "demo", overwrite)
-    scenario = "demo" if seed is None else str(scenario_with_seed("demo", seed, folder))
-    typer.echo("Poling, then four controllers on the same simulated stage; about half a minute.", err=True)
-    run_and_report(scenario, folder, {}, {}, as_json)
 
 
 def run_folder(out: Path | None, scenario: str, overwrite: bool) -> Path:
@@ -91,23 +72,6 @@ def run_folder(out: Path | None, scenario: str, overwrite: bool) -> Path:
         else:
             path.unlink(missing_ok=True)
     return out
-
-
-def scenario_with_seed(name: str, seed: int, folder: Path) -> Path:
-    """A copy of a shipped scenario with another seed, in the run folder.
-
-    Raises:
-        BenchError: the folder cannot be written.
-    """
-    import yaml
-
-    from pzt_ros.chains import read_yaml, shipped
-    from pzt_ros.records import write_text
-
-    data, _ = read_yaml(name, shipped("scenarios"), "scenario")
-    path = folder / f"{name}-seed-{seed}.yaml"
-    write_text(path, [yaml.safe_dump({**data, "seed": seed}, sort_keys=False, allow_unicode=True)])
-    return path
 
 
 def run_and_report(
