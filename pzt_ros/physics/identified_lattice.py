@@ -26,10 +26,9 @@ from pzt_ros.physics.polycrystal import FIELD_LIMIT, INVERSE_TOLERANCE, QUASI_ST
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import choice, parameter, table
 
-FIELD_STEP = 1.0
-"""Longest substep over d [-]; see docs of the kernel."""
+FIELD_STEP = 0.5
+"""Longest substep over d [-]: 1e-4 of x+ at any rate."""
 
-_FEWEST_LINES, _LADDER = 24, 1.2
 _shared_table = lru_cache(maxsize=1)(kernel.attempts_table)
 
 _DEFAULT_GRID = tuple(float(field) for field in np.linspace(-2e6, 2e6, 9))
@@ -57,9 +56,11 @@ class IdentifiedLattice(Ferroelectric):
     thermal_field: float = parameter(7e4, "V/m", "width of thermal activation", symbol="d", bounds=(1.0, 1e8))
     susceptibility: float = parameter(1.7e-8, "C/(V*m)", "of what does not switch", symbol="1/E_1", bounds=(0.0, 1e-4))
     polarization_offset: float = parameter(0.0, "C/m^2", "of domains that never switch", bounds=(-10.0, 10.0))
-    spacing: float = parameter(0.55, "1", "distance of thresholds over thermal_field", bounds=(0.05, 2.0))
-    most_lines: float = parameter(
-        160.0, "1", "lines of thresholds at most, whatever the spacing", bounds=(24.0, 1000.0)
+    fine_lines: float = parameter(
+        90.0, "1", "lines of thresholds over the grid; closer than 0.55 thermal_field", bounds=(4.0, 2000.0)
+    )
+    settling_time: float = parameter(
+        1e-3, "s", "that the voltage had rested where a run begins with a given occupancy", bounds=(1e-12, 1e9)
     )
     initial: str = choice("virgin", ("virgin", "down", "up"), "at 0 V, where no occupancy is given")
     grid: tuple[float, ...] = table(_DEFAULT_GRID, "V/m", "coarse lines of thresholds, ascending", bounds=(-1e9, 1e9))
@@ -85,9 +86,8 @@ class IdentifiedLattice(Ferroelectric):
     @cached_property
     def lines(self) -> Array:
         """Thresholds of the fine lattice [V/m]."""
-        low, high = self.grid[0], self.grid[-1]
-        count = line_count((high - low) / (self.spacing * self.thermal_field), int(self.most_lines))
-        lines: Array = low + (np.arange(count) + 0.5) * (high - low) / count
+        count, span = int(self.fine_lines), self.grid[-1] - self.grid[0]
+        lines: Array = self.grid[0] + (np.arange(count) + 0.5) * span / count
         return lines
 
     @cached_property
@@ -113,9 +113,10 @@ class IdentifiedLattice(Ferroelectric):
         )
 
     def init(self, rest: Rest) -> State:
-        """With `rest.occupancy` just that; otherwise `initial` at 0 V, brought slowly to the voltage at rest.
+        """With `rest.occupancy` that, after `settling_time`; otherwise `initial` at 0 V, brought slowly to the rest.
 
-        The occupancy is x+ at the pairs of equally spaced lines over the grid's range, in the order of `weights`.
+        The occupancy is x+ at the pairs of equally spaced lines over the grid's range, in the order of `weights`. The
+        settling draws its edge at the first field, which is sharper than a grid can be.
 
         Raises:
             BenchError: an occupancy whose size is that of no grid.
@@ -123,7 +124,9 @@ class IdentifiedLattice(Ferroelectric):
         span = self.grid[-1] - self.grid[0]
         slope = (self.susceptibility + 2.0 * sum(self.weights) / span) / self.layer_thickness
         if rest.occupancy.size:
-            return np.concatenate(([rest.time, rest.voltage, slope], self._occupied(rest.occupancy)))
+            state = np.concatenate(([rest.time, rest.voltage, slope], self._occupied(rest.occupancy)))
+            self._settle(state, np.empty(0))
+            return state
         up, down = relay_thresholds(self.lines)
         share_above = np.clip(0.5 - 0.5 * (up + down) / (self.lines[1] - self.lines[0]), 0.0, 1.0)
         start = {"virgin": share_above, "down": np.zeros(up.size), "up": np.ones(up.size)}
@@ -131,6 +134,16 @@ class IdentifiedLattice(Ferroelectric):
         state = np.concatenate(([rest.time - duration, 0.0, slope], start[self.initial]))
         self._run(state, np.array([rest.time]), np.array([rest.voltage]))
         return state
+
+    def left_of_start(self, rest: Rest) -> Array:
+        """How much of a given occupancy is left at the first sample, for every relay [-]."""
+        left = np.ones(self.lines.size**2 // 4)
+        self._settle(np.concatenate(([rest.time, rest.voltage, 1.0], np.zeros(left.size))), left)
+        return left
+
+    def _settle(self, state: State, left: Array) -> None:
+        """Rest at the voltage of the state for the settling time, in place."""
+        kernel.settle(state, left, self.relays, self.settling_time)
 
     def _occupied(self, occupancy: Array) -> Array:
         size = round((math.sqrt(8.0 * occupancy.size + 1.0) - 1.0) / 2.0)
@@ -200,11 +213,3 @@ class IdentifiedLattice(Ferroelectric):
                 " 1 GV/m, or not after the one before; drop or sort it"
             )
         return polarization, phase_fraction
-
-
-def line_count(needed: float, most: int) -> int:
-    """Lines of thresholds: at least as many as needed, but on a ladder, so that a fit seldom sees them change."""
-    count = _FEWEST_LINES
-    while count < needed and count < most:
-        count = math.ceil(_LADDER * count)
-    return min(count, most)

@@ -262,14 +262,23 @@ def run(state, relays, time, voltage, polarization, phase_fraction):  # type: ig
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def run_columns(state, relays, time, voltage, polarization, columns, hats, hats_at, starts, starts_at):  # type: ignore[no-untyped-def]
+def settle(state, left, relays, duration):  # type: ignore[no-untyped-def]
+    """Rest at the voltage of the state; x and what is left of x(0), where that is followed, move in place."""
+    work = np.full((TABLES, relays.lines.size), np.nan)
+    field = state[VOLTAGE] / relays.layer_thickness
+    advance(state[HEAD:], left, relays, work, field, field, duration)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def run_columns(state, left, relays, time, voltage, polarization, columns, hats, hats_at, starts, starts_at):  # type: ignore[no-untyped-def]
     """As `run`, and what polarization is made of.
 
     Args:
         state, relays, time, voltage, polarization: as in `run`.
+        left: what is left of x(0), moves in place; empty: not followed.
         columns: some are filled [shape (n, p)].
         hats, hats_at: from that column on: sum over relays of hat times x.
-        starts, starts_at: the same: sum of hat times weight times what is left of x(0); not followed if negative.
+        starts, starts_at: likewise: sum of hat times weight times what is left of x(0), if that is followed.
     """
     n = relays.lines.size
     work = np.full((TABLES, n), np.nan)
@@ -277,7 +286,6 @@ def run_columns(state, relays, time, voltage, polarization, columns, hats, hats_
     hats_to = hats_at + hats.size * (hats.size + 1) // 2
     starts_to = starts_at + starts.size * (starts.size + 1) // 2
     weights = relays.weight.sum()
-    left = np.ones(state.size - HEAD) if starts_at >= 0 else np.empty(0)
     remains = np.empty_like(left)
     for k in range(time.size):
         if not _is_usable(time[k], voltage[k], state, relays):
@@ -286,7 +294,7 @@ def run_columns(state, relays, time, voltage, polarization, columns, hats, hats_
         switched = weighted_sum(state[HEAD:], relays.weight)
         polarization[k] = _polarization(switched, weights, voltage[k] / relays.layer_thickness, relays)
         accumulate(state[HEAD:], hats, hat_work, columns[k, hats_at:hats_to])
-        if starts_at >= 0:
+        if left.size > 0:
             remains[:] = left * relays.weight
             accumulate(remains, starts, start_work, columns[k, starts_at:starts_to])
     return -1

@@ -21,6 +21,8 @@ _linalg: Any = linalg  # SciPy carries no types
 
 _FIRST_DAMPING = 1e-4
 _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e10
+_EASE, _GOOD = 1.0 / 3.0, 0.5  # damping falls so much where a step gains at least this share of what it promised
+_STUCK = 1e-3  # share of the tolerance below which refused steps are no longer shortened
 _ROWS = 8192  # of a Jacobian that become float64 at once
 _ROUNDS = 200
 _ROUNDING = 1e-12
@@ -88,32 +90,32 @@ def solve(
     cost = _cost(residuals, rows, targets, vector)
     if not math.isfinite(cost):
         raise BenchError("the model is not finite where the fit starts; check the parameters it starts from")
-    damping, growth, converged = _FIRST_DAMPING, 2.0, False
+    damping, converged = _FIRST_DAMPING, False
     for count in range(most_steps + 1):
         progress(count, cost)
         gram, gradient = normal_equations(residuals, jacobians)
         gram += rows.T @ rows
         gradient += rows.T @ (rows @ vector - targets)
-        accepted = False
+        accepted, refused = False, 0
         while not accepted and damping <= _MOST_DAMPING:
             step = _damped_step(gram, gradient, damping, lower - vector, upper - vector)
             promised = -(2.0 * float(gradient @ step) + float(step @ gram @ step))
-            converged = promised <= tolerance * cost
+            converged = promised <= tolerance * cost * (_STUCK if refused else 1.0)
             if converged or count == most_steps:
                 break
             trial = np.clip(vector + step, lower, upper)
             gained = cost - _cost_at(problem, trial, rows, targets)
             accepted = gained > 0.0
-            if accepted:  # Nielsen (1999): smooth in the ratio of gain to promise
-                damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / promised - 1.0) ** 3)
-                damping, growth = max(damping, _LEAST_DAMPING), 2.0
-            else:
-                damping, growth = damping * growth, 2.0 * growth
+            if not accepted:
+                refused += 1
+                damping *= 2.0**refused
+            elif gained > _GOOD * promised:
+                damping = max(damping * _EASE, _LEAST_DAMPING)
         if not accepted:
             return Solution(vector, residuals, jacobians, cost, count, converged)
         vector, cost = trial, cost - gained
         residuals, jacobians = problem.linearise(vector)
-        if gained <= tolerance * (cost + gained):
+        if not refused and gained <= tolerance * (cost + gained):
             return Solution(vector, residuals, jacobians, cost, count + 1, True)
     raise AssertionError("unreachable: the last round accepts no step")
 

@@ -22,17 +22,23 @@ from pzt_ros.physics.identified_hats import hat_sums, hats_of, node_count, nodes
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import ABSENT, Array, Rest
 
-LOG_TIME, LOG_WIDTH, SUSCEPTIBILITY, WEIGHTS = 0, 1, 2, 3
-"""Coordinates: ln tau, ln d, then as named; the occupancies follow the weights."""
+LOG_TIME, LOG_WIDTH, LOG_SETTLING, SUSCEPTIBILITY, WEIGHTS = 0, 1, 2, 3, 4
+"""Coordinates: ln tau, ln d, ln of the settling time, then as named; the occupancies follow the weights."""
 
 MARGIN = 0.15  # of the driven range: thermal activation switches thresholds beyond it
+_SCALARS = ("relaxation_time", "thermal_field", "settling_time", "susceptibility")
+_LEAST_SETTLING, _MOST_SETTLING = 0.01, 1e4  # of the sampling time, of the longest run
+_FINE_ENOUGH = 0.55  # distance of the fine lines over d: methods.md 1.3
 _COARSEST = 0.8  # distance of the fine lines over d: beyond, the staircase shows (5e-4 at 1)
-_DIFFERENCE = 1e-4  # of ln tau and ln d
+_LEAST_TIME = 1.01e-9  # [s]; the link's own bound
+_DIFFERENCE = 1e-4  # of a logarithm
 _FINE = 160
 
 
 class IdentifiedHysteresis:
     """Voltage at the ceramic to polarization for several runs at once, with its tangent.
+
+    A law behind it should be one of the centred polarization while it is fitted, see identified_problem.
 
     Attributes:
         names: of the coordinates.
@@ -43,7 +49,7 @@ class IdentifiedHysteresis:
         smoothness_strength: of second differences of the density, over that of an even one.
         rotation_strength: of differences of the density along constant coercive field; 0: none.
         occupancy_strength: of the distance from 1/2 of an unknown occupancy.
-        kinetics_strength: of ln tau and ln d about `start`: holds them where the runs do not tell.
+        kinetics_strength: of the three logarithms about `start`: holds them where the runs do not tell.
     """
 
     def __init__(
@@ -54,10 +60,10 @@ class IdentifiedHysteresis:
         *,
         unknown_start: Sequence[bool],
         resolution: int = 10,
-        occupancy_resolution: int = 10,
+        occupancy_resolution: int = 12,
         initial: str = "virgin",
         total: float = 0.26,
-        most_lines: int = _FINE,
+        fine_lines: int = 120,
         workers: int = 2,
     ) -> None:
         """
@@ -70,7 +76,7 @@ class IdentifiedHysteresis:
             occupancy_resolution: the same for an unknown start.
             initial: see IdentifiedLattice.
             total: sum of weights [C/m^2].
-            most_lines: lines of the fine lattice; bounds the thermal field from below.
+            fine_lines: lines of the fine lattice; bounds the thermal field from below.
             workers: threads.
 
         Raises:
@@ -83,7 +89,7 @@ class IdentifiedHysteresis:
         if len(times) != len(unknown_start) or any(time.size < 2 for time in times):
             raise BenchError("identified lattice: every run needs two samples and a word on its start")
         self.times, self.layer_thickness, self.total = list(times), layer_thickness, total
-        self.unknown_start, self.initial, self.most_lines = list(unknown_start), initial, most_lines
+        self.unknown_start, self.initial, self.fine_lines = list(unknown_start), initial, fine_lines
         self.grid = np.concatenate(
             ([low - MARGIN * span], np.linspace(low, high, resolution + 1), [high + MARGIN * span])
         )
@@ -102,21 +108,29 @@ class IdentifiedHysteresis:
         self.field_range, span = (low, high), high - low
         nodes, starts = nodes_of(self.grid.size), node_count(self.occupancy_size)
         unknown = [run for run, is_unknown in enumerate(self.unknown_start) if is_unknown]
-        self.names = [f"identified_lattice.{name}" for name in ("relaxation_time", "thermal_field", "susceptibility")]
+        self.names = [f"identified_lattice.{name}" for name in _SCALARS]
         self.names += [f"weight {up} {down}" for up, down in nodes]
         self.names += [f"run {run} occupancy {node}" for run in unknown for node in range(starts)]
         step = float(np.median(np.concatenate([np.diff(time) for time in self.times])))
         longest = max(float(time[-1] - time[0]) for time in self.times)
-        finest = (self.grid[-1] - self.grid[0]) / (self.most_lines * _COARSEST)
+        finest = (self.grid[-1] - self.grid[0]) / (self.fine_lines * _COARSEST)
         count, free = len(self.names), starts * len(unknown)
         self.lower, self.upper = np.zeros(count), np.full(count, np.inf)
-        self.lower[LOG_TIME], self.upper[LOG_TIME] = math.log(1e-7 * step), math.log(100.0 * longest)
+        self.lower[LOG_TIME], self.upper[LOG_TIME] = math.log(max(1e-7 * step, _LEAST_TIME)), math.log(100.0 * longest)
         self.lower[LOG_WIDTH], self.upper[LOG_WIDTH] = math.log(finest), math.log(0.25 * span)
+        self.lower[LOG_SETTLING], self.upper[LOG_SETTLING] = (
+            math.log(_LEAST_SETTLING * step),
+            math.log(_MOST_SETTLING * longest),
+        )
+        settling = math.log(10.0 * step)
+        if not any(self.unknown_start):
+            self.lower[LOG_SETTLING] = self.upper[LOG_SETTLING] = settling
         self.upper[count - free :] = 1.0
         even_slope = 0.2 * self.total / span
         self.start = np.concatenate(
-            ([math.log(step), math.log(0.03 * span), even_slope], self._even, np.full(free, 0.5))
+            ([math.log(step), math.log(0.03 * span), settling, even_slope], self._even, np.full(free, 0.5))
         )
+        self.start = np.clip(self.start, self.lower, self.upper)
 
     def for_runs(self, times: Sequence[Array], unknown_start: Sequence[bool]) -> IdentifiedHysteresis:
         """The same lattice, coordinates, bounds and strengths for other runs."""
@@ -134,12 +148,17 @@ class IdentifiedHysteresis:
             layer_thickness=self.layer_thickness,
             relaxation_time=math.exp(vector[LOG_TIME]),
             thermal_field=math.exp(vector[LOG_WIDTH]),
+            settling_time=math.exp(vector[LOG_SETTLING]),
             susceptibility=max(float(vector[SUSCEPTIBILITY]), 0.0),
-            most_lines=float(self.most_lines),
+            fine_lines=float(self.fine_lines),
             initial=self.initial,
             grid=tuple(float(field) for field in self.grid),
             weights=tuple(float(weight) for weight in self.weights(vector)),
         )
+
+    def finest(self, vector: Array) -> float:
+        """Lines of the fine lattice that the thermal field of a vector asks for."""
+        return float((self.grid[-1] - self.grid[0]) / (_FINE_ENOUGH * math.exp(vector[LOG_WIDTH])))
 
     def weights(self, vector: Array) -> Array:
         """Polarization of each hat [C/m^2]."""
@@ -149,6 +168,11 @@ class IdentifiedHysteresis:
         """x+ at the start of a run, for Rest [-]; absent where the start is known."""
         place = self._places(run)
         return np.clip(vector[place], 0.0, 1.0) if place.stop > place.start else ABSENT
+
+    @property
+    def occupancies(self) -> slice:
+        """Where the occupancies of all runs stand in the vector."""
+        return slice(WEIGHTS + node_count(self.grid.size), len(self.names))
 
     def _places(self, run: int) -> slice:
         """Where the occupancy of a run stands in the vector."""
@@ -173,26 +197,27 @@ class IdentifiedHysteresis:
             BenchError: as IdentifiedLattice.step.
         """
         link = self.link(vector)
-        change = math.exp(_DIFFERENCE)  # the fine lattice has to stay, so the spacing falls as the width grows
+        change = math.exp(_DIFFERENCE)
         slower = dataclasses.replace(link, relaxation_time=link.relaxation_time * change)
-        wider = dataclasses.replace(link, thermal_field=link.thermal_field * change, spacing=link.spacing / change)
-        for each in (link, slower, wider):
+        wider = dataclasses.replace(link, thermal_field=link.thermal_field * change)
+        settled = dataclasses.replace(link, settling_time=link.settling_time * change)
+        for each in (link, slower, wider, settled):
             _ = each.relays
         tasks: list[Callable[[], Array]] = []
+        places: list[tuple[int, int]] = []  # of the columns that are differences
         asked = _asked(voltages)
         jacobians = [np.zeros((self.times[run].size, len(self.names)), dtype=np.float32) for run in asked]
-        for run, jacobian in zip(asked, jacobians, strict=True):
-            tasks += [
-                partial(self._columns, link, vector, run, voltages[run], jacobian),
-                partial(self._run, slower, vector, run, voltages[run]),
-                partial(self._run, wider, vector, run, voltages[run]),
-            ]
+        for number, run in enumerate(asked):
+            tasks.append(partial(self._columns, link, vector, run, voltages[run], jacobians[number]))
+        for number, run in enumerate(asked):
+            changed = [(slower, LOG_TIME), (wider, LOG_WIDTH), (settled, LOG_SETTLING)]
+            for other, column in changed if self.unknown_start[run] else changed[:2]:
+                tasks.append(partial(self._run, other, vector, run, voltages[run]))
+                places.append((number, column))
         found = self._together(tasks)
-        here = found[::3]
-        for number, jacobian in enumerate(jacobians):
-            for column, other in ((LOG_TIME, found[3 * number + 1]), (LOG_WIDTH, found[3 * number + 2])):
-                jacobian[:, column] = (other - here[number]) / _DIFFERENCE
-        return here, jacobians
+        for (number, column), moved in zip(places, found[len(asked) :], strict=True):
+            jacobians[number][:, column] = (moved - found[number]) / _DIFFERENCE
+        return found[: len(asked)], jacobians
 
     def _together(self, tasks: Sequence[Callable[[], Array]]) -> list[Array]:
         if self.workers < 2 or len(tasks) < 2:
@@ -216,11 +241,11 @@ class IdentifiedHysteresis:
         hats, place = link.hats, self._places(run)
         starts = hats_of(link.lines, np.linspace(self.grid[0], self.grid[-1], self.occupancy_size))
         columns = jacobian[:, WEIGHTS : WEIGHTS + node_count(hats.size)]
-        starts_at = place.start if self.unknown_start[run] else -1
-        polarization = np.empty(voltages.size)
-        state = link.init(self._rest(vector, run, voltages))
+        polarization, rest = np.empty(voltages.size), self._rest(vector, run, voltages)
+        left = link.left_of_start(rest) if self.unknown_start[run] else ABSENT
         bad = kernel.run_columns(
-            state,
+            link.init(rest),
+            left,
             link.relays,
             self.times[run],
             voltages,
@@ -229,7 +254,7 @@ class IdentifiedHysteresis:
             hats,
             WEIGHTS,
             starts,
-            starts_at,
+            place.start,
         )
         _check(bad, run, self.times[run], voltages)
         columns *= (2.0 / hat_sums(hats)).astype(np.float32)
@@ -250,7 +275,8 @@ class IdentifiedHysteresis:
 
         weights = slice(WEIGHTS, WEIGHTS + nodes)
         relative = np.diag(1.0 / self._even)
-        add(self.kinetics_strength * np.eye(2), slice(LOG_TIME, LOG_WIDTH + 1), self.start[: LOG_WIDTH + 1])
+        kinetics = slice(LOG_TIME, LOG_SETTLING + 1)
+        add(self.kinetics_strength * np.eye(3), kinetics, self.start[kinetics])
         add(self.weight_strength * relative, weights, np.zeros(nodes))
         add(np.full((1, nodes), self.sum_strength / self.total), weights, self._even)
         for strength, rows in (

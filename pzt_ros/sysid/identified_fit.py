@@ -1,7 +1,7 @@
 """The identified lattice and a strain law fitted to measured runs; how fine and how smooth is left to held-out samples.
 
-A search on thinned runs comes first, then steps on every sample. Resolution and prior are compared on the last part of
-each run, which that search has not seen, in the linear model at its end: that costs no further passes.
+The search is on thinned runs; resolution and prior are compared on the last part of each, which it has not seen. Only
+the steps with what was chosen are on every sample.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.identified_hats import accumulate, hats_of, node_count
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import Array
-from pzt_ros.sysid.gauss_newton import bounded_minimum, normal_equations, solve
-from pzt_ros.sysid.identified import LOG_WIDTH, WEIGHTS, IdentifiedHysteresis
+from pzt_ros.sysid.gauss_newton import Solution, solve
+from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
 from pzt_ros.sysid.identified_problem import IdentifiedProblem, MeasuredRun, rms_of
 from pzt_ros.sysid.thinning import kept_samples
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
 _FEWEST = 1500  # samples that a thinned run keeps at least, holds too
-_TRUST = 1e-6  # damping of the linear model when priors are compared
 _AS_GOOD = 1.02  # validation error over the least one that still counts as equal: the stronger prior is taken then
+_FEW_STEPS, _MOST_STEPS, _GAIN = 6, 30, 1e-3
+_HOPELESS = 1.3  # validation error over the least one from which on stronger priors are not tried
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,9 @@ class Choice:
     rotation: float
     train: float
     held_out: float
+
+
+_Found = tuple[Choice, IdentifiedProblem, Array]
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,7 @@ class IdentifiedResult:
         mean, scale = self.centring
         centred = np.polynomial.Polynomial([-mean / scale, 1.0 / scale])
         coefficients = np.polynomial.Polynomial([0.0, *self.vector[self.problem.law]])
-        found: Array = coefficients(centred).coef
-        return found
+        return np.asarray(coefficients(centred).coef, dtype=np.float64)
 
     def settled(self, run: MeasuredRun) -> tuple[IdentifiedProblem, Array]:
         """The same model for another run: only its start, offset and drift are fitted, to its counted samples."""
@@ -93,7 +96,7 @@ class IdentifiedResult:
             start[problem.lag] = self.vector[self.problem.lag]
             fixed.append(problem.lag)
         lower[fixed] = upper[fixed] = start[fixed]
-        found = solve(problem, start, lower, upper, most_steps=15, tolerance=1e-4, prior=problem.prior())
+        found = solve(problem, start, lower, upper, most_steps=_MOST_STEPS, tolerance=1e-4, prior=problem.prior())
         return problem, found.vector
 
     def predict(self, run: MeasuredRun) -> Array:
@@ -115,7 +118,8 @@ class IdentifiedFit:
         lag, drift: whether the measurement may be late, and each run drift.
         initial: of runs whose start is known.
         held_out: share of each run, at its end, that chooses.
-        most_lines: of the fine lattice.
+        fine_lines: of the fine lattice during the search, and at most at the end.
+        voltage_range: that the density has to cover [V]; None: what the runs reach.
         progress: is told what is being done and the residual over noise.
     """
 
@@ -128,7 +132,8 @@ class IdentifiedFit:
     drift: bool = False
     initial: str = "virgin"
     held_out: float = 0.25
-    most_lines: int = 160
+    fine_lines: tuple[int, int] = (100, 200)
+    voltage_range: tuple[float, float] | None = None
     progress: Callable[[str, float], None] = lambda what, error: None
 
     def fit(self, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
@@ -139,87 +144,91 @@ class IdentifiedFit:
         """
         if not runs or any(np.ptp(run.voltage) == 0.0 or not np.any(run.counted) for run in runs):
             raise BenchError("identified lattice: each run needs a voltage that moves and samples that count")
-        train = [run.part(_early(run.counted, 1.0 - self.held_out)) for run in runs]
-        found: list[tuple[Choice, Array]] = []
-        steps, vector, former = 0, None, None
+        training, lines = [self._training(run) for run in runs], self.fine_lines[0]
+        found: list[_Found] = []
+        steps, problem, vector = 0, None, np.empty(0)
         for resolution in self.resolutions:
-            problem = self._problem([_thinned(run) for run in train], resolution, 0.0)
-            begin = problem.with_law_guess(problem.start) if vector is None else _finer(problem, former, vector)
-            solution = solve(
-                problem,
-                begin,
-                problem.lower,
-                problem.upper,
-                most_steps=30,
-                tolerance=1e-3,
-                prior=problem.prior(),
-                progress=self._tell(f"resolution {resolution}, thinned runs", problem),
-            )
-            steps, vector, former = steps + solution.steps, solution.vector, problem
-            found += self._compared(runs, train, resolution, vector)
-        choice, vector = self._best(found)
-        problem = self._problem(runs, choice.resolution, choice.rotation)
-        solution = solve(
+            for rotation in sorted(self.rotations):
+                former, problem = problem, self._problem(training, resolution, rotation, lines)
+                begin = self._begun(problem) if former is None else _carried(former, problem, vector)
+                solution = self._solved(problem, begin, f"resolution {resolution}, rotation prior {rotation:g}")
+                steps, vector = steps + solution.steps, solution.vector
+                held_out = _held_out(problem, vector)
+                found.append((Choice(resolution, rotation, rms_of(solution.residuals), held_out), problem, vector))
+                self.progress("held out", held_out)
+                if held_out > _HOPELESS * min(choice.held_out for choice, _, _ in found):
+                    break
+        choice, problem, vector = _best(found)
+        lines = min(max(lines, math.ceil(problem.base.finest(vector))), self.fine_lines[1])
+        for counted, what in (([_thinned(run) for run in runs], "thinned runs"), (runs, "all samples")):
+            former, problem = problem, self._problem(counted, choice.resolution, choice.rotation, lines)
+            begin = problem.with_law_of(vector, former, vector)
+            solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}")
+            steps, vector = steps + solution.steps, solution.vector
+        choices = [choice, *(other for other, _, _ in found if other is not choice)]
+        return IdentifiedResult(problem, vector, solution.residuals, choices, steps)
+
+    def _training(self, run: MeasuredRun) -> MeasuredRun:
+        """The run thinned, its last part not counted."""
+        thinned = _thinned(run)
+        return thinned.part(_early(thinned.counted, 1.0 - self.held_out))
+
+    def _begun(self, problem: IdentifiedProblem) -> Array:
+        """Where a few steps lead from the better of two starts, poled and undecided."""
+        reached = []
+        for occupancy in (1.0, 0.5) if any(problem.base.unknown_start) else (0.5,):
+            begin = problem.start.copy()
+            begin[problem.base.occupancies] = occupancy
+            begin = problem.with_law_guess(begin)
+            reached.append(self._solved(problem, begin, f"occupancy {occupancy:g} at the start", _FEW_STEPS))
+        return min(reached, key=lambda solution: solution.cost).vector
+
+    def _solved(self, problem: IdentifiedProblem, begin: Array, what: str, most_steps: int = _MOST_STEPS) -> Solution:
+        count = sum(int(np.count_nonzero(run.counted)) for run in problem.runs)
+        return solve(
             problem,
-            vector,
+            begin,
             problem.lower,
             problem.upper,
-            most_steps=12,
-            tolerance=1e-3,
+            most_steps=most_steps,
+            tolerance=_GAIN,
             prior=problem.prior(),
-            progress=self._tell(f"resolution {choice.resolution}, all samples", problem),
+            progress=lambda step, cost: self.progress(what, math.sqrt(cost / count)),
         )
-        choices = [choice, *(other for other, _ in found if other is not choice)]
-        return IdentifiedResult(problem, solution.vector, solution.residuals, choices, steps + solution.steps)
 
-    def _problem(self, runs: Sequence[MeasuredRun], resolution: int, rotation: float) -> IdentifiedProblem:
+    def _problem(
+        self, runs: Sequence[MeasuredRun], resolution: int, rotation: float, fine_lines: int
+    ) -> IdentifiedProblem:
         voltages = [run.voltage for run in runs]
-        low, high = min(v.min() for v in voltages), max(v.max() for v in voltages)
+        reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
+        low, high = self.voltage_range or reached
         base = IdentifiedHysteresis(
             [run.time for run in runs],
             self.layer_thickness,
-            (float(low) / self.layer_thickness, float(high) / self.layer_thickness),
+            (low / self.layer_thickness, high / self.layer_thickness),
             resolution=resolution,
             unknown_start=[run.unknown_start for run in runs],
             initial=self.initial,
-            most_lines=self.most_lines,
+            fine_lines=fine_lines,
         )
         base.rotation_strength, base.smoothness_strength = rotation, self.smoothness
         return IdentifiedProblem(base, runs, order=self.order, lag=self.lag, drift=self.drift)
 
-    def _tell(self, what: str, problem: IdentifiedProblem) -> Callable[[int, float], None]:
-        count = sum(int(np.count_nonzero(run.counted)) for run in problem.runs)
-        return lambda step, cost: self.progress(what, math.sqrt(cost / count))
 
-    def _compared(
-        self, runs: Sequence[MeasuredRun], train: Sequence[MeasuredRun], resolution: int, vector: Array
-    ) -> list[tuple[Choice, Array]]:
-        """Every prior at this resolution: the vector it leads to in the linear model, and its errors there."""
-        problem = self._problem(runs, resolution, 0.0)
-        residuals, jacobians = problem.linearise(vector)
-        early = [part.counted[run.counted] for part, run in zip(train, runs, strict=True)]
-        gram, gradient = normal_equations(
-            [r[e] for r, e in zip(residuals, early, strict=True)], [j[e] for j, e in zip(jacobians, early, strict=True)]
-        )
-        found = []
-        for rotation in self.rotations:
-            rows, targets = self._problem(runs, resolution, rotation).prior()
-            full, slope = gram + rows.T @ rows, gradient + rows.T @ (rows @ vector - targets)
-            length = np.sqrt(np.maximum(np.diag(full), 1e-300))
-            scaled = full / np.outer(length, length) + _TRUST * np.eye(length.size)
-            low, high = (problem.lower - vector) * length, (problem.upper - vector) * length
-            step = bounded_minimum(scaled, slope / length, low, high) / length
-            after = [r + j @ step for r, j in zip(residuals, jacobians, strict=True)]
-            errors = [rms_of([a[e == side] for a, e in zip(after, early, strict=True)]) for side in (True, False)]
-            found.append((Choice(resolution, rotation, *errors), vector + step))
-            self.progress(f"resolution {resolution}, rotation prior {rotation:g}, held out", errors[1])
-        return found
+def _held_out(problem: IdentifiedProblem, vector: Array) -> float:
+    """Residual over noise after the counted samples of each run."""
+    late = []
+    for run, model in zip(problem.runs, problem.predict(vector), strict=True):
+        begin = int(np.flatnonzero(run.counted)[-1]) + 1
+        late.append((model - run.measured)[begin:] / run.noise)
+    return rms_of(late)
 
-    def _best(self, found: Sequence[tuple[Choice, Array]]) -> tuple[Choice, Array]:
-        """The strongest prior, then the coarsest grid, among those about as good as the best on held-out samples."""
-        least = min(choice.held_out for choice, _ in found)
-        good = [pair for pair in found if pair[0].held_out <= _AS_GOOD * least]
-        return min(good, key=lambda pair: (-pair[0].rotation, pair[0].resolution))
+
+def _best(found: Sequence[_Found]) -> _Found:
+    """The strongest prior, then the coarsest grid, among those about as good as the best on held-out samples."""
+    least = min(choice.held_out for choice, _, _ in found)
+    good = [each for each in found if each[0].held_out <= _AS_GOOD * least]
+    return min(good, key=lambda each: (-each[0].rotation, each[0].resolution))
 
 
 def _early(counted: Any, share: float) -> Any:
@@ -243,12 +252,14 @@ def _thinned(run: MeasuredRun) -> MeasuredRun:
     )
 
 
-def _finer(problem: IdentifiedProblem, former: IdentifiedProblem | None, vector: Array) -> Array:
-    """The vector of a former problem carried over to one with another grid over the same range."""
-    assert former is not None
+def _carried(former: IdentifiedProblem, problem: IdentifiedProblem, vector: Array) -> Array:
+    """The vector of a former problem for one with another grid over the same range."""
+    if former.base.grid.size == problem.base.grid.size:
+        return vector
     link = former.base.link(vector)
     weights = np.empty(node_count(problem.base.grid.size))
     hats = hats_of(link.lines, problem.base.grid)
     accumulate(link.relays.weight, hats, np.zeros((hats.size, 2, (link.lines.size + 1) // 2)), weights)
     behind = WEIGHTS + node_count(former.base.grid.size)
-    return np.concatenate((vector[: LOG_WIDTH + 2], weights, vector[behind:]))
+    finer = np.concatenate((vector[:WEIGHTS], weights, vector[behind:]))
+    return problem.with_law_of(finer, former, vector)

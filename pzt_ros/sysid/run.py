@@ -139,8 +139,8 @@ def with_own_values(chain: Chain, start: Start) -> Chain:
 def _drive(record: Record, part: slice) -> Signals:
     """What enters the chain."""
     signals = Signals(time=record.time[part], voltage=record.voltage[part])
-    temperature = record.temperature
-    return signals if temperature is None else signals.replace(temperature=temperature[part])
+    known = {"temperature": record.temperature, "force": record.force}
+    return signals.replace(**{name: values[part] for name, values in known.items() if values is not None})
 
 
 def _pick(out: Signals, wanted: NDArray[np.bool_]) -> Signals:
