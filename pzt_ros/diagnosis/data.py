@@ -40,8 +40,8 @@ class RunData:
     def signals(self) -> Signals:
         """The drive as it enters the chain."""
         columns = {"time": self.record.time, "voltage": self.record.voltage}
-        if self.record.temperature is not None:
-            columns["temperature"] = self.record.temperature
+        known = {"temperature": self.record.temperature, "force": self.record.force}
+        columns.update({name: values for name, values in known.items() if values is not None})
         return Signals(**columns)
 
     @property

@@ -13,19 +13,23 @@ from typing import Any
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import coordinate
+from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.identified_hats import node_count
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_law import StrainLaw
-from pzt_ros.sysid.identified import IdentifiedHysteresis
+from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
+from pzt_ros.sysid.identified_fit import IdentifiedFit
+from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.run import Start
 
-_STEPS = 15
+_STEPS = 4
+_ROTATIONS = (0.0, 1.0)
 _REMEMBERED = 6  # polarizations at other voltages
-_LEAST_TERM = 0.05  # of the quadratic term at 0.25 C/m^2: where the others start
 _TYPICAL_POLARIZATION = 0.25
 
 
@@ -90,35 +94,46 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         return list(range(place.start, place.stop))
 
 
-def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], resolution: int, progress: Progress) -> Hypothesis:
+def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progress) -> Hypothesis:
     """Fit the identified lattice and a cubic strain law in place of the declared ceramic and its strain.
 
     Args:
         declared: the fitted declared model; what else is in its chain stays.
         unknown: of each run, whether what was before it is unknown.
-        resolution: coarse cells over the driven range of field.
         progress: is told what is being done.
     """
-    progress(f"fitting the density, {resolution} cells a side")
-    runs = declared.staged.runs
+    progress("identifying the density")
+    runs, fitted_runs = declared.staged.runs, declared.staged.fitted
     chain = declared.staged.chain_at(declared.vector)
-    ceramic = next(link for link in chain.links if isinstance(link, Ferroelectric))
-    low = min(float(run.record.voltage.min()) for run in runs) / ceramic.layer_thickness
-    high = max(float(run.record.voltage.max()) for run in runs) / ceramic.layer_thickness
-    times = [run.record.time for run in runs]
-    flexible = FlexibleHysteresis(
-        times, ceramic.layer_thickness, (low, high), unknown_start=unknown, resolution=resolution
+    thickness = next(link.layer_thickness for link in chain.links if isinstance(link, Ferroelectric))
+    voltages = declared.staged.voltages(declared.vector)
+    reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
+    found = IdentifiedFit(thickness, rotations=_ROTATIONS, voltage_range=reached).fit(
+        [_measured(runs[number], voltages[number], unknown[number]) for number in fitted_runs]
     )
-    law = next((_law(link) for link in chain.links if isinstance(link, Electrostriction)), StrainLaw())
+    base = found.problem.base
+    flexible = FlexibleHysteresis(
+        [run.record.time for run in runs],
+        thickness,
+        (reached[0] / thickness, reached[1] / thickness),
+        unknown_start=unknown,
+        resolution=found.choices[0].resolution,
+        fine_lines=base.fine_lines,
+    )
+    flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
+    shared = WEIGHTS + node_count(base.grid.size)
+    flexible.start[:shared] = found.vector[:shared]
+    _, linear, quadratic, cubic = (float(coefficient) for coefficient in found.law)
+    law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
     placeholder = flexible.link(flexible.start)
-    replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
-    size = _LEAST_TERM * abs(law.quadratic)
+    size = max(abs(linear), abs(quadratic) * _TYPICAL_POLARIZATION, abs(cubic) * _TYPICAL_POLARIZATION**2)
     coordinates = (
-        coordinate(law, "linear", typical=size * _TYPICAL_POLARIZATION),
-        coordinate(law, "quadratic", typical=abs(law.quadratic)),
-        coordinate(law, "cubic", typical=size / _TYPICAL_POLARIZATION),
+        coordinate(law, "linear", typical=size),
+        coordinate(law, "quadratic", typical=size / _TYPICAL_POLARIZATION),
+        coordinate(law, "cubic", typical=size / _TYPICAL_POLARIZATION**2),
     )
     kept = tuple(each for each in declared.staged.coordinates if each.kind != Electrostriction.kind)
+    replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
     staged = Staged(replaced, flexible, runs, (*coordinates, *kept))
     start = staged.start
     if kept:
@@ -126,8 +141,10 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], resolution: int,
     return exact(fitted(staged, start, most_steps=_STEPS))
 
 
-def _law(link: Electrostriction) -> StrainLaw:
-    return StrainLaw(linear=0.0, quadratic=link.coefficient * link.active_length, cubic=0.0)
+def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
+    record = run.record
+    counted = np.ones(len(record), dtype=bool)
+    return MeasuredRun(record.time, voltage, record.displacement, run.noise, counted, unknown)
 
 
 def _replaced(link: Link, ceramic: Link, law: StrainLaw) -> Link:

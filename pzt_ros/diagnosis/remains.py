@@ -18,6 +18,7 @@ from pzt_ros.physics.signals import Array
 _signal: Any = scipy_signal  # SciPy carries no types
 
 _LINE = 12.0  # a spectral line stands out by this factor over the median of its surroundings
+_PIECE = 4096  # samples of a spectrum
 _WINDOWS = 24
 _MEAN_TIME = 0.05  # [s], slow remains show in means over this
 
@@ -107,7 +108,9 @@ def _spectrum(run: RunData, residual: Array) -> tuple[Array, Array]:
     step = float(np.median(np.diff(time)))
     even = np.arange(time[0], time[-1], step)
     values = np.interp(even, time, residual)
-    frequency, power = _signal.welch(values, 1.0 / step, nperseg=min(values.size, 4096), detrend="linear")
+    pieces = max(1, round(2 * values.size / _PIECE) - 1)  # half overlapping, so that none of the run is left out
+    length = 2 * values.size // (pieces + 1)
+    frequency, power = _signal.welch(values, 1.0 / step, nperseg=length, detrend="linear")
     return frequency, power
 
 

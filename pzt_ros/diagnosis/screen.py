@@ -22,6 +22,8 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 
+_LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
+
 
 @dataclass(frozen=True)
 class Prospect:
@@ -88,6 +90,8 @@ class Screen:
         amounts, shift, total = self._explained(signatures, ahead, bool(effect.per_run))
         shape[places] = amounts
         low, high = staged.bounds
+        longest = float(np.max(np.abs(shift[: hypothesis.staged.ceramic.start.size]), initial=0.0))
+        shift = shift * min(1.0, _LONGEST_SHIFT / longest) if longest > 0.0 else shift
         start = np.clip(np.concatenate((hypothesis.vector + shift, shape)), low, high)
         return Prospect(effect, staged, start, total)
 

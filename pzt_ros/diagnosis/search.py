@@ -60,12 +60,10 @@ class Candidate:
 
     @property
     def size(self) -> float:
-        """Rms that it explains in units of the noise, the larger of both kinds of parts."""
-        squares = [
-            _mean(self.before.fit) - _mean(self.after.fit),
-            _mean(self.before.selection) - _mean(self.after.selection),
-        ]
-        return math.sqrt(max(*squares, 0.0))
+        """Rms that it explains in units of the noise, the smaller of both kinds of parts."""
+        kinds = [(self.before.fit, self.after.fit), (self.before.selection, self.after.selection)]
+        gains = [_mean(before) - _mean(after) for before, after in kinds if before.samples]
+        return math.sqrt(max(0.0, min(gains)))
 
 
 def _mean(misfit: Misfit) -> float:

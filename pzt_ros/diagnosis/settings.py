@@ -25,8 +25,8 @@ class Thresholds:
     """
 
     fit_gain: float = 25.0
-    selection_gain: float = 15.0
-    size: float = 0.3
+    selection_gain: float = 10.0
+    size: float = 0.2
     share: float = 0.5
     half_share: float = 0.2
     pair_share: float = 0.8
@@ -38,7 +38,7 @@ class Thresholds:
     refits: int = 4
     most_effects: int = 4
     flexible_share: float = 0.6
-    flexible_size: float = 0.5
+    flexible_size: float = 0.35
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""

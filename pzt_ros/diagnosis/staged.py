@@ -143,9 +143,11 @@ class Staged:
 
     def exact_at(self, vector: Array) -> Staged:
         """The same with the ceramic exact at a vector."""
-        numbers = range(len(self.runs))
-        voltages = self._voltages([self._driven(vector, number) for number in numbers], numbers)
-        return dataclasses.replace(self, ceramic=self.ceramic.exact_at(vector[: self._own], voltages))
+        return dataclasses.replace(self, ceramic=self.ceramic.exact_at(vector[: self._own], self.voltages(vector)))
+
+    def voltages(self, vector: Array) -> list[Array]:
+        """Across the ceramic, of every run [V]."""
+        return [self._driven(vector, number).voltage for number in range(len(self.runs))]
 
     def chain_at(self, vector: Array, number: int | None = None) -> Chain:
         """The chain with the values of the vector, for one run or for the stage."""

@@ -1,4 +1,4 @@
-"""A load that pushes back like a spring."""
+"""A load that pushes back."""
 
 from __future__ import annotations
 
@@ -12,18 +12,24 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class LoadStiffness(Link):
-    """A spring k_L against the stack k_A leaves k_A/(k_A + k_L) of the free displacement."""
+    """The stack gives way to the force on it: free displacement less compliance times force.
+
+    Where the signals carry the force, it is that one. Where not, it is that of a spring k_L: 1/(1 + k_L c) of the free
+    displacement is left, a gain, which no run without its force can tell from the strain law's.
+    """
 
     kind: ClassVar[str] = "load_stiffness"
     section: ClassVar[str] = ACTUATOR
 
-    load_stiffness: float = parameter(0.0, "N/m", "stiffness of the load", symbol="k_L", bounds=(0.0, 1e12))
-    actuator_stiffness: float = parameter(1e8, "N/m", "stiffness of the stack", symbol="k_A", bounds=(1.0, 1e12))
+    compliance: float = parameter(0.0, "m/N", "of the stack, 1/k_A; 0 for none", symbol="c", bounds=(0.0, 1.0))
+    load_stiffness: float = parameter(
+        1e6, "N/m", "of a spring, where the force is not known", symbol="k_L", bounds=(0.0, 1e12)
+    )
 
     @property
     def gain(self) -> float:
-        """Displacement over free displacement [-]."""
-        return self.actuator_stiffness / (self.actuator_stiffness + self.load_stiffness)
+        """Displacement over free displacement against the spring [-]."""
+        return 1.0 / (1.0 + self.load_stiffness * self.compliance)
 
     def init(self, rest: Rest) -> State:
         """No memory."""
@@ -31,8 +37,12 @@ class LoadStiffness(Link):
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Free displacement to displacement."""
+        if signals.force.size:
+            return state, signals.replace(displacement=signals.displacement - self.compliance * signals.force)
         return state, signals.replace(displacement=self.gain * signals.displacement)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement wanted to free displacement; exact."""
+        if signals.force.size:
+            return state, signals.replace(displacement=signals.displacement + self.compliance * signals.force)
         return state, signals.replace(displacement=signals.displacement / self.gain)

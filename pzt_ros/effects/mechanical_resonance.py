@@ -32,7 +32,9 @@ class MechanicalResonance(Link):
 
     share: float = parameter(0.0, "1", "part of the displacement that passes the mode", bounds=(0.0, 1.0))
     frequency: float = parameter(500.0, "Hz", "undamped frequency of the mode", symbol="f_0", bounds=(0.1, 1e6))
-    damping_ratio: float = parameter(0.02, "1", "damping over critical; above a half nothing rings", symbol="D", bounds=(1e-4, 0.5))
+    damping_ratio: float = parameter(
+        0.02, "1", "damping over critical; above a half nothing rings", symbol="D", bounds=(1e-4, 0.5)
+    )
 
     def init(self, rest: Rest) -> State:
         """Whether a sample was seen; time [s], input [m], last step [s], deflection [m] and velocity [m/s]."""

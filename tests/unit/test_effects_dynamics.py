@@ -239,6 +239,6 @@ def test_voltage_that_the_limit_allows_needs_itself_as_command() -> None:
 
 def test_load_of_the_stack_s_own_stiffness_halves_the_stroke() -> None:
     time, y = np.arange(5.0), np.linspace(0.0, 1e-5, 5)
-    half = LoadStiffness(load_stiffness=3e7, actuator_stiffness=3e7)
+    half = LoadStiffness(load_stiffness=3e7, compliance=1.0 / 3e7)
     np.testing.assert_allclose(moved(half, time, y), 0.5 * y, rtol=1e-15)
     np.testing.assert_allclose(undone(half, time, 0.5 * y), y, rtol=1e-15)

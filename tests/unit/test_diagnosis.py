@@ -1,0 +1,289 @@
+"""Diagnosis: Jacobians against differences, the right effect by name, nothing where nothing is, claims predicted.
+
+All runs are simulated. The plant's parameters are off the declared ones; its effect is added behind the chain by
+formulas of this file's own, not by the library's links.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis import Report, diagnose
+from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.coordinates import coordinate, of_effect
+from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
+from pzt_ros.diagnosis.flexible import FlexibleHysteresis
+from pzt_ros.diagnosis.floor import displacement_floor
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.remains import remains_of
+from pzt_ros.diagnosis.screen import Screen
+from pzt_ros.diagnosis.staged import Staged
+from pzt_ros.effects.insert import with_effect
+from pzt_ros.effects.table import EFFECT_OF, EFFECTS
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.strain_law import StrainLaw
+from pzt_ros.records import Record
+from pzt_ros.sysid.predict import predict
+
+NOISE = 8e-9
+RATE = 500.0
+ERRORS = {"coercive": 1.0, "shape_ascending": 1.05, "barrier_ascending": 0.96, "relaxation_time": 1.2}
+
+
+def declared() -> Chain:
+    """Thesis set P2 and electrostriction, some parameters free."""
+    chain = load_chain("thesis-p2")
+    free = ["shape_ascending", "barrier_ascending", "barrier_descending", "relaxation_time"]
+    names = [f"parametrized.{name}" for name in free] + ["electrostriction.coefficient"]
+    return dataclasses.replace(chain, notes={"free": names})
+
+
+def plant() -> Chain:
+    """What is really there."""
+
+    def changed(link):  # type: ignore[no-untyped-def]
+        values = {name: factor * getattr(link, name) for name, factor in ERRORS.items() if hasattr(link, name)}
+        return dataclasses.replace(link, **values)
+
+    return declared().with_links(changed)
+
+
+def drive(seed: int) -> tuple[Array, Array]:
+    """Poling, then reversals at random with holds, then sines at 2 and 9 Hz [s, V]."""
+    rng = np.random.default_rng(seed)
+    points = [(0.0, 0.0), (0.5, 140.0), (0.8, 140.0), (1.3, 10.0)]
+    for _ in range(4):
+        at = points[-1][0]
+        points += [(at + 0.35, rng.uniform(70, 140)), (at + 0.6, points[-1][1])]
+        points[-1] = (points[-1][0], points[-2][1])
+        points += [(at + 0.95, rng.uniform(-10, 40))]
+        points += [(at + 1.2, points[-1][1])]
+    times, volts = np.array(points).T
+    legs = np.arange(0.0, times[-1], 1.0 / RATE)
+    parts = [np.interp(legs, times, volts)]
+    for frequency in (2.0, 9.0):
+        phase = 2.0 * np.pi * frequency * np.arange(0.0, 1.0, 1.0 / RATE)
+        parts.append(parts[-1][-1] + rng.uniform(30, 45) * (1.0 - np.cos(phase)))
+    voltage = np.concatenate(parts)
+    return np.arange(voltage.size) / RATE, voltage
+
+
+def run(seed: int, effect: str = "none", noise: float = NOISE) -> Record:
+    """A simulated run of the plant with an effect, its sensor's zero anywhere."""
+    rng = np.random.default_rng(100 + seed)
+    time, voltage = drive(seed)
+    chain = plant()
+    _, out = chain.step(chain.init(Rest(time=0.0)), Signals(time=time, voltage=voltage))
+    y = reading(effect, time, out.displacement, seed)
+    y = y + noise * rng.standard_normal(time.size) + rng.uniform(-1e-6, 1e-6)
+    return Record(f"run-{seed}", {"time_s": time, "voltage_V": voltage, "displacement_m": y})
+
+
+def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
+    """The effects by other means than the library's."""
+    if effect == "slow_relaxation":  # Kelvin and Voigt: a spring and a damper in series, by Euler's method, finely
+        element = np.zeros_like(y)
+        for k in range(1, y.size):
+            element[k] = element[k - 1] + (time[k] - time[k - 1]) / 0.4 * (y[k - 1] - y[0] - element[k - 1])
+        return y + 0.03 * element
+    if effect == "sensor_lag":
+        return np.interp(time - 3e-3, time, y)
+    if effect == "mains_hum":
+        return y + 25e-9 * np.sin(2.0 * np.pi * 50.0 * time + seed)
+    if effect == "backlash":  # not in the library
+        return np.array(_backlash(y, 120e-9))
+    return y
+
+
+def _backlash(y: Array, width: float) -> list[float]:
+    state, out = float(y[0]), []
+    for value in y:
+        state = max(value - width, min(value + width, state))
+        out.append(state)
+    return out
+
+
+@pytest.fixture(scope="module")
+def null() -> Report:
+    return diagnose([run(1), run(2)], [run(3)], declared())
+
+
+@pytest.fixture(scope="module")
+def creeping() -> Report:
+    return diagnose([run(1, "slow_relaxation"), run(2, "slow_relaxation")], [run(3, "slow_relaxation")], declared())
+
+
+def test_says_that_nothing_is_missing_where_nothing_is(null: Report) -> None:
+    assert null.effects == ()
+    assert null.not_identifiable == ()
+    assert not null.remains.present
+    assert null.verdict.startswith("Nothing is missing")
+    assert null.after.test == pytest.approx(NOISE, rel=0.05)
+
+
+def test_base_recovers_the_plants_parameters(null: Report) -> None:
+    true = plant().links[0]
+    found = null.model.notes["fit"]["parameters"]
+    for name in ("shape_ascending", "barrier_ascending"):
+        entry = found[f"parametrized.{name}"]
+        assert entry["value"] == pytest.approx(getattr(true, name), abs=5.0 * entry["std"] + 1e-3 * abs(entry["value"]))
+
+
+def test_names_creep_and_comes_down_to_the_noise(creeping: Report) -> None:
+    assert [effect.name for effect in creeping.effects] == ["slow_relaxation"]
+    assert creeping.before.score > 1.5 * NOISE
+    assert creeping.after.score < 1.10 * NOISE
+    (effect,) = creeping.effects
+    assert effect.parameters["share"]["value"] == pytest.approx(0.03, rel=0.2)
+    assert 0.5 < effect.probability <= 1.0
+
+
+def test_lag_is_answered_by_a_name_of_its_group() -> None:
+    report = diagnose([run(1, "sensor_lag"), run(2, "sensor_lag")], [run(3, "sensor_lag")], declared())
+    named = {effect.name for effect in report.effects} | {name for group in report.not_identifiable for name in group}
+    assert "sensor_lag" in named
+    assert named <= {"sensor_lag", "amplifier_bandwidth", "mechanical_resonance"}
+    assert report.after.score < 1.15 * NOISE
+
+
+def test_hum_keeps_its_phase_to_each_run(tmp_path: Path) -> None:
+    report = diagnose([run(1, "mains_hum"), run(2, "mains_hum")], [run(3, "mains_hum")], declared())
+    assert [effect.name for effect in report.effects] == ["mains_hum"]
+    report.save(tmp_path)
+    unseen = run(9, "mains_hum")
+    before, after = (predict(load_chain(tmp_path / f"{name}.yaml"), unseen).rms for name in ("baseline", "model"))
+    assert before > 1.8 * NOISE
+    assert after < 1.15 * NOISE
+
+
+def test_an_effect_outside_the_library_is_not_named() -> None:
+    report = diagnose([run(1, "backlash"), run(2, "backlash")], [run(3, "backlash")], declared())
+    assert report.before.test > 2.0 * NOISE
+    assert report.remains.present or report.after.test < 1.2 * NOISE
+    assert "sensor_lag" not in {effect.name for effect in report.effects}
+
+
+def test_predict_reproduces_what_the_report_claims(creeping: Report, tmp_path: Path) -> None:
+    creeping.save(tmp_path)
+    claimed = json.loads((tmp_path / "report.json").read_text())
+    record = run(3, "slow_relaxation")
+    for key, name in (("before", "baseline"), ("after", "model")):
+        found = predict(load_chain(tmp_path / f"{name}.yaml"), record).rms
+        assert found == pytest.approx(claimed[key]["test_rms_m"], rel=1e-9)
+    assert set(claimed) >= {
+        "schema", "train", "test", "noise_rms_m", "base", "before", "after", "effects", "candidates",
+        "not_identifiable", "unexplained", "next_experiment",
+    }  # fmt: skip
+    assert (tmp_path / "report.html").stat().st_size > 50_000
+
+
+def hypothesis(effect: str = "none") -> Hypothesis:
+    """The declared model fitted to one run."""
+    runs = split([RunData(run(1, effect), {}, NOISE)], [RunData(run(3, effect), {}, NOISE)])
+    return fit_declared(declared(), runs, lambda text: None)
+
+
+def test_parts_are_disjoint_and_cover_the_runs() -> None:
+    runs = hypothesis().staged.runs
+    assert list(runs[0].picks) == [FIT]
+    chosen, scored = runs[1].picks[SELECTION], runs[1].picks[SCORE]
+    assert not set(chosen) & set(scored)
+    assert chosen.size + scored.size == len(runs[1].record)
+
+
+@pytest.mark.parametrize("name", ["slow_relaxation", "amplifier_bandwidth", "strain_polarization_hysteresis"])
+def test_jacobian_is_what_differences_of_the_residuals_are(name: str) -> None:
+    base = hypothesis()
+    effect = EFFECT_OF[name]
+    link = effect.link(**{**effect.starts[1], effect.amplitude: 20.0 * effect.starts[1][effect.amplitude]})
+    added = of_effect(effect, link, range(2))
+    chain = with_effect(base.staged.chain, link)
+    staged = dataclasses.replace(base.staged, chain=chain, coordinates=(*base.staged.coordinates, *added))
+    vector = staged.start
+    _, (jacobian,) = staged.linearise(vector)
+    for k in range(vector.size):
+        step = np.zeros(vector.size)
+        step[k] = 2e-4
+        (above,), (below,) = staged.residuals(vector + step), staged.residuals(vector - step)
+        there = (above - below) / 4e-4
+        assert np.linalg.norm(jacobian[:, k] - there) <= 0.02 * np.linalg.norm(there) + 1e-6
+
+
+def test_flexible_ceramic_goes_along_its_tangent() -> None:
+    base = hypothesis()
+    times = [each.record.time for each in base.staged.runs]
+    voltages = [each.record.voltage for each in base.staged.runs]
+    field = (min(v.min() for v in voltages) / 1e-4, max(v.max() for v in voltages) / 1e-4)
+    ceramic = FlexibleHysteresis(times, 1e-4, field, unknown_start=[False, False], resolution=6)
+    along = ceramic.exact_at(ceramic.start, voltages)
+    moved = ceramic.start.copy()
+    moved[3:] *= 1.0 + 0.3 * np.sin(np.arange(moved.size - 3))
+    exact, near = ceramic.polarization(moved, voltages), along.polarization(moved, voltages)
+    for one, other in zip(exact, near, strict=True):  # linear in the weights, so the same
+        np.testing.assert_allclose(other, one, atol=2e-6)
+    late = [np.interp(t - 5e-3, t, v) for t, v in zip(times, voltages, strict=True)]
+    np.testing.assert_allclose(
+        along.polarization(ceramic.start, late)[0], ceramic.polarization(ceramic.start, late)[0], atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("name", ["slow_relaxation", "sensor_lag", "mains_hum"])
+def test_screen_puts_the_effect_that_is_there_among_the_first(name: str) -> None:
+    screen = Screen(hypothesis(name))
+    found = {effect.name: screen.best(effect) for effect in EFFECTS if not effect.needs}
+    totals = {key: prospect.total for key, prospect in found.items() if prospect is not None}
+    assert name in sorted(totals, key=lambda key: totals[key])[:3]
+
+
+def test_coordinates_come_back_to_their_values() -> None:
+    law = StrainLaw()
+    linear, quadratic = coordinate(law, "linear", typical=1e-5), coordinate(law, "quadratic")
+    assert linear.si(linear.scaled(-3e-6)) == pytest.approx(-3e-6)
+    assert quadratic.si(quadratic.scaled(2e-4)) == pytest.approx(2e-4)
+    ceramic = next(link for link in declared().links if isinstance(link, Ferroelectric))
+    scale = coordinate(ceramic, "relaxation_time")
+    assert scale.is_log
+    assert scale.si(scale.scaled(0.02)) == pytest.approx(0.02)
+
+
+def test_floor_sees_coloured_noise_in_holds() -> None:
+    rng = np.random.default_rng(4)
+    time = np.arange(4000) / RATE
+    voltage = np.where((time % 2.0) < 1.0, 20.0, 80.0)
+    white = rng.standard_normal(time.size)
+    coloured = np.convolve(white, np.ones(8) / np.sqrt(8.0), mode="same")
+    for noise in (white, coloured):
+        y = 1e-7 * voltage + NOISE * noise
+        record = Record("hold", {"time_s": time, "voltage_V": voltage, "displacement_m": y})
+        assert displacement_floor(record) == pytest.approx(NOISE, rel=0.15)
+
+
+def test_remains_name_time_and_line() -> None:
+    rng = np.random.default_rng(5)
+    time = np.arange(8000) / RATE
+    tone = 20e-9 * np.sin(2.0 * np.pi * 37.0 * time) * (time > 12.0)
+    record = Record("r", {"time_s": time, "voltage_V": np.sin(time), "displacement_m": np.sin(time) * 1e-6})
+    data = RunData(record, {FIT: np.arange(time.size)}, NOISE)
+    found = remains_of([data], [NOISE * rng.standard_normal(time.size) + tone], 1.05, 2.0)
+    assert found.present
+    assert "37" in found.what_is_seen
+    assert "strongest from 12" in found.what_is_seen
+    quiet = remains_of([data], [NOISE * rng.standard_normal(time.size)], 1.05, 2.0)
+    assert not quiet.present
+
+
+def test_staged_needs_no_lattice_for_effects_behind_it() -> None:
+    base = hypothesis()
+    staged: Staged = base.staged
+    before = staged.outputs(base.vector, [0])[0][0]
+    link = EFFECT_OF["slow_relaxation"].link()
+    same = dataclasses.replace(staged, chain=with_effect(staged.chain, link)).outputs(base.vector, [0])[0][0]
+    np.testing.assert_array_equal(before, same)
