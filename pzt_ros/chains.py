@@ -18,17 +18,18 @@ from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.parametrized import Parametrized
+from pzt_ros.physics.parametrized_single import ParametrizedSingle
 from pzt_ros.physics.quadrature import Quadrature
 from pzt_ros.physics.sensor import DisplacementSensor
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_hysteresis import StrainHysteresis
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.physics.structure import Structure
-from pzt_ros.quantities import build, choices_of, parameters_of, table_to_data, tables_of, to_text
+from pzt_ros.quantities import build, choices_of, forms_of, parameters_of, table_to_data, tables_of, to_text
 
 _ALWAYS: tuple[type[Link], ...] = (
-    Amplifier, Parametrized, Quadrature, Lattice, Front, IdentifiedLattice, Electrostriction, StrainHysteresis,
-    StrainLaw, Structure, DisplacementSensor,
+    Amplifier, Parametrized, ParametrizedSingle, Quadrature, Lattice, Front, IdentifiedLattice, Electrostriction,
+    StrainHysteresis, StrainLaw, Structure, DisplacementSensor,
 )  # fmt: skip
 
 LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *(effect.link for effect in EFFECTS))}
@@ -135,6 +136,9 @@ def _entry(link: Link) -> dict[str, Any]:
         entry[name] = getattr(link, name)
     for name, row in tables_of(link).items():
         entry[name] = table_to_data(getattr(link, name), row.unit)
+    for name, form in forms_of(link).items():
+        if getattr(link, name) is not None:
+            entry[name] = form.write(getattr(link, name))
     return entry
 
 

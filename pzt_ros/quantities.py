@@ -10,7 +10,7 @@ import functools
 import math
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -49,6 +49,15 @@ class Table:
     description: str
 
 
+@dataclass(frozen=True)
+class Form:
+    """An optional object with a YAML form of its own: how to read it (content, name in errors) and to write it."""
+
+    read: Callable[[Any, str], Any]
+    write: Callable[[Any], Any]
+    description: str
+
+
 def parameter(
     default: float | None,
     unit: str,
@@ -80,6 +89,11 @@ def table(
     return field(default=value, metadata={"table": Table(unit, *bounds, description)})
 
 
+def form(read: Callable[[Any, str], Any], write: Callable[[Any], Any], description: str) -> Any:
+    """A dataclass field that holds None, or an object that `read` makes of YAML content and `write` turns into it."""
+    return field(default=None, metadata={"form": Form(read, write, description)})
+
+
 def parameters_of(owner: Any) -> dict[str, Parameter]:
     """The declared parameters of a dataclass or of one of its instances, by name."""
     return {f.name: f.metadata["parameter"] for f in dataclasses.fields(owner) if "parameter" in f.metadata}
@@ -93,6 +107,11 @@ def choices_of(owner: Any) -> dict[str, Choice]:
 def tables_of(owner: Any) -> dict[str, Table]:
     """The declared tables of a dataclass or of one of its instances, by name."""
     return {f.name: f.metadata["table"] for f in dataclasses.fields(owner) if "table" in f.metadata}
+
+
+def forms_of(owner: Any) -> dict[str, Form]:
+    """The declared objects with a YAML form of their own, by name."""
+    return {f.name: f.metadata["form"] for f in dataclasses.fields(owner) if "form" in f.metadata}
 
 
 @functools.cache
@@ -172,8 +191,8 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
     """
     if not isinstance(values, Mapping):
         raise BenchError(f"{where}: expected 'name: value' lines, found {values!r}")
-    parameters, choices, tables = parameters_of(cls), choices_of(cls), tables_of(cls)
-    known: dict[str, Parameter | Choice | Table] = {**parameters, **choices, **tables}
+    parameters, choices, tables, forms = parameters_of(cls), choices_of(cls), tables_of(cls), forms_of(cls)
+    known: dict[str, Parameter | Choice | Table | Form] = {**parameters, **choices, **tables, **forms}
     for key in values:
         if key not in known:
             raise BenchError(f"{where}: unknown parameter {key!r}; known are {', '.join(known)}")
@@ -188,6 +207,8 @@ def build(cls: type, values: Mapping[str, Any], where: str) -> Any:
             check_bounds(read[key], parameters[key], f"{where}.{key}")
         elif key in tables:
             read[key] = table_from_data(value, tables[key], f"{where}.{key}")
+        elif key in forms:
+            read[key] = forms[key].read(value, f"{where}.{key}")
         else:
             read[key] = _option(value, choices[key], f"{where}.{key}")
     return cls(**read)

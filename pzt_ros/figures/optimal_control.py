@@ -6,22 +6,22 @@ from functools import cache
 
 import numpy as np
 
-from pzt_ros.figures import one_distribution as one
 from pzt_ros.figures.canvas import LADDER, POLARIZATION, curve, legend_below, over_field, sheet
-from pzt_ros.figures.loads import Load, ramps
+from pzt_ros.figures.loads import Load, ramps, respond
 from pzt_ros.figures.thesis_figure import Drawing, Finding, below
-from pzt_ros.physics.density import Gaussian
+from pzt_ros.physics.parametrized_single import ParametrizedSingle
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.single_crystal import SingleCrystal
 
-CRYSTAL = SingleCrystal(
+MODEL = ParametrizedSingle(
+    distribution="coercive_without_history",
+    coercive_field=1e6,
+    spread=2.0e12,
     relaxation_time=1e-2,
     domain_polarization=0.26,
     reciprocal_permittivity=6.67e7,
     temperature=273.0,
     domain_volume=1e-22,
 )
-COERCIVE = Gaussian(1e6, 2.0e12, lower=0.0)
 """Section 4.2; b_1 is printed 2.0e22, with which no domain would ever switch."""
 
 SLOW_FREQUENCY, FAST_FREQUENCY = 0.125, 125.0
@@ -69,8 +69,7 @@ def two_frequencies(samples: int) -> Drawing:
 def loop(amplitude: float, frequency: float, samples: int) -> tuple[Load, Array]:
     """The second cycle of a triangle from the depolarised state: field [kV/mm] and P [C/m^2]."""
     load = ramps([amplitude, -amplitude, amplitude, -amplitude, amplitude], samples, 4 * amplitude * frequency)
-    x = one.without_history(load, CRYSTAL, COERCIVE, 0.5)
-    p = one.polarization(load, CRYSTAL, x)
+    p = respond(MODEL, load).polarization
     begin = load.ends[2]
     ends = tuple(end - begin for end in load.ends[3:])
     return Load(load.time[begin:] - load.time[begin], load.field[begin:], ends), p[begin:]
@@ -95,4 +94,4 @@ def _inner(samples: int) -> str:
 def _still_relaxing(samples: int) -> float:
     """The largest difference in x+ between the outer loops at 0.125 and 0.0125 Hz [%]."""
     p, slower = (loop(_AMPLITUDES[0], SLOW_FREQUENCY / factor, samples)[1] for factor in (1.0, 10.0))
-    return float(100 * np.max(np.abs(p - slower)) / (2 * CRYSTAL.domain_polarization))
+    return float(100 * np.max(np.abs(p - slower)) / (2 * MODEL.domain_polarization))

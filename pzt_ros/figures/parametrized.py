@@ -8,26 +8,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pzt_ros.chains import load_chain
-from pzt_ros.figures import one_distribution as one
 from pzt_ros.figures.canvas import FAST, FIELD, POLARIZATION, SLOW, curve, over_field, sheet
 from pzt_ros.figures.experiments import rms_apart
 from pzt_ros.figures.loads import NESTED_LOOPS, Load, ramps, respond
 from pzt_ros.figures.polycrystal import shipped
 from pzt_ros.figures.thesis_figure import Drawing, Finding, below
-from pzt_ros.physics.density import Gaussian
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.parametrized import Parametrized
+from pzt_ros.physics.parametrized_single import ParametrizedSingle
 from pzt_ros.physics.quadrature import Quadrature
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.single_crystal import SingleCrystal
 
 SPREAD = 1e11
 """b_1 of figure 3.10 and b_2 of figure 3.13 [V^2/m^2]; the thesis prints none, figures 3.4 and 3.5 have this one."""
 
 _NOTE = (
     "Loads and spread are not printed for it; ours are those of figure 3.6 and 1e11 V²/m², as in figures 3.4 and 3.5."
-    " The model with one distribution is integrated for this figure; the library's link `parametrized` is the combined"
-    " model, of which it is no special case."
+    " The model with one distribution is the library's link `parametrized_single`, no special case of `parametrized`,"
+    " the combined model."
 )
 
 
@@ -36,11 +34,10 @@ def coercive_fields(samples: int) -> Drawing:
     load = ramps(NESTED_LOOPS, samples)
     few = _only(load, 20, 12, 1, coercive_field_spread=SPREAD, interaction_field_spread=0.0)
     many = _only(load, 120, 72, 1, coercive_field_spread=SPREAD, interaction_field_spread=0.0)
-    crystal, density = _crystal(), Gaussian(0.5e6, SPREAD, lower=0.0)
-    x = one.coercive_only(load, crystal, density, 1.0)
-    left = one.polarization(load, crystal, x)
+    model = respond(single("coercive", start="positive"), load)
+    left = model.polarization
     figure = _side_by_side(load, left, few, "parametrized (3.23)", "quadrature, 32 elements", "coercive fields only")
-    findings = (*_compared(load, left, few, many), _starts_at_zero(load, x))
+    findings = (*_compared(load, left, few, many), _starts_at_zero(load, model.phase_fraction))
     return Drawing(figure, findings, _NOTE)
 
 
@@ -49,11 +46,10 @@ def interaction_fields(samples: int) -> Drawing:
     load = ramps(NESTED_LOOPS, samples)
     few = _only(load, 1, 1, 16, coercive_field_spread=0.0, interaction_field_spread=SPREAD)
     many = _only(load, 1, 1, 96, coercive_field_spread=0.0, interaction_field_spread=SPREAD)
-    crystal, density = _crystal(), Gaussian(0.0, SPREAD)
-    x = one.interaction_only(load, crystal, density, 0.5)
-    left = one.polarization(load, crystal, x)
+    model = respond(single("interaction"), load)
+    left = model.polarization
     figure = _side_by_side(load, left, few, "parametrized (3.31)", "quadrature, 32 elements", "interaction fields only")
-    return Drawing(figure, (*_compared(load, left, few, many), _one_curve(load, x)), _NOTE)
+    return Drawing(figure, (*_compared(load, left, few, many), _one_curve(load, model.phase_fraction)), _NOTE)
 
 
 def combined(samples: int) -> Drawing:
@@ -88,17 +84,19 @@ def _link(chain: str, kind: type[Ferroelectric]) -> Ferroelectric:
     return next(link for link in load_chain(chain).links if isinstance(link, kind))
 
 
-def _crystal() -> SingleCrystal:
-    """The single crystal with the constants of figure 3.6."""
+def single(distribution: str, **changes: Any) -> ParametrizedSingle:
+    """The model with one distribution, with the constants of figure 3.6."""
     source = shipped()
-    return SingleCrystal(
-        coercive_field=source.coercive_field,
-        relaxation_time=source.relaxation_time,
-        domain_polarization=source.domain_polarization,
-        reciprocal_permittivity=source.reciprocal_permittivity,
-        temperature=source.temperature,
-        domain_volume=source.domain_volume,
-    )
+    constants: dict[str, Any] = {
+        "coercive_field": source.coercive_field,
+        "spread": SPREAD,
+        "relaxation_time": source.relaxation_time,
+        "domain_polarization": source.domain_polarization,
+        "reciprocal_permittivity": source.reciprocal_permittivity,
+        "temperature": source.temperature,
+        "domain_volume": source.domain_volume,
+    }
+    return ParametrizedSingle(distribution=distribution, **{**constants, **changes})
 
 
 def _only(load: Load, above: int, under: int, side: int, **spreads: Any) -> Array:
@@ -133,7 +131,7 @@ def _compared(load: Load, left: Array, few: Array, many: Array) -> tuple[Finding
         Finding(
             "the quadrature with 32 elements is less smooth",
             f"dP/dE has {bumps[0]} and {bumps[1]} peaks on the ascending major branch: the elements lie about 40 V/mm"
-            f" apart, and thermal activation smooths over d = {_crystal().thermal_width / 1e3:.0f} V/mm",
+            f" apart, and thermal activation smooths over d = {shipped().thermal_width / 1e3:.0f} V/mm",
             bool(bumps[1] > bumps[0]),
         ),
     )

@@ -132,6 +132,65 @@ class Table:
         return fields[k] + 2 * rest / np.maximum(weights[k] + root, np.finfo(float).tiny)
 
 
+@dataclass(frozen=True)
+class ThresholdDensity:
+    """Any density of switching thresholds, as it is identified: given on a grid, bilinear between, zero outside.
+
+    A domain switches up at a = E_c - E_e and down at b = -E_c - E_e, so only a >= b counts; coercive and interaction
+    field need not be independent of each other.
+
+    Attributes:
+        up_fields, down_fields: two or more of each, increasing [V/m].
+        weights: density at each up field (a row each) and down field, to any scale: it is normalised when it is used.
+
+    Raises:
+        BenchError: fields that do not increase, weights that are below zero or do not fit, or nothing where a > b.
+    """
+
+    up_fields: tuple[float, ...]
+    down_fields: tuple[float, ...]
+    weights: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        for name, fields in (("up", np.asarray(self.up_fields)), ("down", np.asarray(self.down_fields))):
+            if fields.size < 2 or not np.all(np.diff(fields) > 0) or not np.all(np.isfinite(fields)):
+                raise BenchError(
+                    f"threshold density: the {fields.size} {name} fields do not increase; give two or more, sorted"
+                )
+        rows, columns = len(self.up_fields), len(self.down_fields)
+        if len(self.weights) != rows or any(len(row) != columns for row in self.weights):
+            raise BenchError(
+                f"threshold density: the weights are not {rows} rows of {columns}; give one row for each up field"
+            )
+        weights = np.asarray(self.weights)
+        if not np.all(weights >= 0) or not np.all(np.isfinite(weights)):
+            raise BenchError("threshold density: weights must be finite and not below 0; check the fit they came from")
+        above = np.asarray(self.up_fields)[:, None] > np.asarray(self.down_fields)
+        if not np.any(weights[above] > 0):
+            raise BenchError(
+                "threshold density: no weight where a domain switches up at a higher field than down; swap the axes?"
+            )
+
+    @property
+    def spacing(self) -> float:
+        """The smallest distance of two fields [V/m]."""
+        return float(min(np.min(np.diff(self.up_fields)), np.min(np.diff(self.down_fields))))
+
+    def at(self, up: Array, down: Array) -> Array:
+        """Density, to the scale of the weights; `up` and `down` of one shape [V/m]."""
+        corner, parts = np.zeros((2, *np.shape(up)), dtype=np.intp), np.zeros((2, *np.shape(up)))
+        inside = up >= down
+        for axis, (fields, at) in enumerate(((self.up_fields, up), (self.down_fields, down))):
+            known = np.asarray(fields)
+            corner[axis] = np.clip(np.searchsorted(known, at, side="right") - 1, 0, known.size - 2)
+            parts[axis] = (at - known[corner[axis]]) / np.diff(known)[corner[axis]]
+            inside = inside & (at >= known[0]) & (at <= known[-1])
+        (i, j), (s, t), w = corner, parts, np.asarray(self.weights)
+        low = (1 - t) * w[i, j] + t * w[i, j + 1]
+        high = (1 - t) * w[i + 1, j] + t * w[i + 1, j + 1]
+        return np.where(inside, (1 - s) * low + s * high, 0.0)
+
+
 Density = Gaussian | Table
 
 

@@ -18,12 +18,13 @@ All lengths here are in units of the thermal width d, times in units of tau.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 from scipy import special
 
-from pzt_ros.physics.kinetics import erfcx_positive, exponential, switching_rate
+from pzt_ros.physics.kinetics import exponential
 from pzt_ros.physics.signals import Array
 
 HALF = math.log(2.0)
@@ -32,29 +33,54 @@ _ROOT_PI = math.sqrt(math.pi)
 
 _FIRST, _LAST = -12.0, 40.0
 _PER_UNIT = 32
-LOW, HIGH, SHARE, REACH, RATE, RISE, LOG, SLOPE, STEEPEN, COLUMNS = range(10)
-"""Columns of the table over z, see `front_table`."""
+LOW, HIGH, SHARE, REACH, SLOPE, BEND, CURVE, STEEPEN, RATE, LOG, LEAD, COLUMNS = map(np.int64, (*range(9), 12, 16, 20))
+"""Columns of the table over z, see `front_table`; four each of RATE, LOG and LEAD.
+
+Numba compiles a function anew for each plain integer that it is called with, but not for these.
+"""
+
+_WITHIN: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+
+inner = njit(**_WITHIN)
+"""For functions that only compiled ones call; without wrappers for Python they compile a fifth faster.
+
+Python must not call them: that ends in a segmentation fault. Wrap one in an `njit` function to try it out.
+"""
+
+inlined = njit(**_WITHIN, forceinline=True)
+"""The same for look-ups of a few operations."""
+
+unfolded = njit(**_WITHIN, inline="always")
+"""The same for what is called in one place: it is compiled there only."""
 
 _NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
 _SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
 _SHORT = 0.1  # climb of the field for which the rate is a parabola
-_LONG = 0.3  # climb for which Gauss' rule of three nodes will do
-_GAUSS = math.sqrt(0.15)
+_GAUSS = tuple((float(x) / 2, float(w) / 2) for x, w in zip(*np.polynomial.legendre.leggauss(5), strict=True))
+"""Nodes from -1/2 to 1/2 and weights: for a climb of up to 1 d they do."""
 _APART = 1e-8  # relative attempts of a front at another that do not count any more
 
 
 def front_table() -> Array:
-    """What depends on one z, for z = -12, -12 + 1/32, ... 40; shape (n, 8).
+    """What depends on one z, for z = -12, -12 + 1/32, ... 40; shape (n, 20).
 
-    RATE, RISE: p and p'/32; LOG: ln Phi; SLOPE: p/Phi, its derivative; STEEPEN: 1 over the derivative of that.
+    RATE, LOG: p and ln Phi, as the coefficients of a cubic in the fraction of the way to the next row. SLOPE, BEND,
+    CURVE: p, p' and p'' over Phi; STEEPEN: 1 over the derivative of SLOPE. LEAD: the z of which the slope is S, a cubic
+    too, but in the rows of 2/S - S/2, which is nearly z.
     LOW, HIGH, SHARE: a front with lead z stands for two hard ones, at u + LOW (this share of it) and u + HIGH. They are
     the Gauss rule for the distribution of hard fronts 1 - exp(-H): mean, width and skewness are right.
     REACH: how far ahead of u a front of lead z has made attempts that count.
     """
     z = np.arange(_FIRST, _LAST + 0.5 / _PER_UNIT, 1 / _PER_UNIT)
     fine = np.arange(-20.0, 400.0, 1 / 128)
-    log_fine = np.log(_attempts_of(fine))
-    log_attempts = np.log(_attempts_of(z))
+    log_fine = np.log(attempts(fine))
+    log_attempts = np.log(attempts(z))
     # H = exp(t) at the quantiles of the front is exponentially distributed
     t = np.linspace(-42.0, 4.0, 1500)
     weight = np.exp(t - np.exp(t))
@@ -66,129 +92,115 @@ def front_table() -> Array:
     skew = (deviation**3 @ weight) / sigma**3
     root = np.sqrt(1 + skew**2 / 4)
     rate = 1 / special.erfcx(z)
+    growth = 2 / _ROOT_PI * rate - 2 * z  # p'/p; then p''/p
+    growth2 = growth * (4 / _ROOT_PI * rate - 2 * z) - 2
     table = np.zeros((z.size, COLUMNS))
     table[:, LOW] = mean + sigma * (skew / 2 - root)
     table[:, HIGH] = mean + sigma * (skew / 2 + root)
     table[:, SHARE] = 0.5 * (1 + skew / 2 / root)
     table[:, REACH] = z - np.interp(log_attempts + math.log(_APART), log_fine, fine)
-    table[:, RATE] = rate
-    table[:, RISE] = rate * (2 / _ROOT_PI * rate - 2 * z) / _PER_UNIT
-    table[:, LOG] = log_attempts
-    table[:, SLOPE] = rate / np.exp(log_attempts)
-    table[:, STEEPEN] = 1.0 / (table[:, SLOPE] * (2 / _ROOT_PI * rate - 2 * z - table[:, SLOPE]))
+    slope = rate / np.exp(log_attempts)
+    table[:, SLOPE], table[:, BEND], table[:, CURVE] = slope, slope * growth, slope * growth2
+    table[:, STEEPEN] = 1 / (slope * (growth - slope))
+    table[:, RATE : RATE + 4] = _cubics(rate, rate * growth / _PER_UNIT)
+    table[:, LOG : LOG + 4] = _cubics(log_attempts, slope / _PER_UNIT)
+    lead = z.copy()
+    for _ in range(20):  # Newton
+        rate = 1 / special.erfcx(lead)
+        slope = rate / attempts(lead)
+        per_lead = slope * (slope - 2 / _ROOT_PI * rate + 2 * lead) * (2 / slope**2 + 0.5)
+        lead += (z - 2 / slope + slope / 2) / per_lead
+    table[:, LEAD : LEAD + 4] = _cubics(lead, 1 / per_lead / _PER_UNIT)
     return table
 
 
-def _attempts_of(z: Array) -> Array:
+def _cubics(value: Array, change: Array) -> Array:
+    """Coefficients of the Hermite cubics between neighbouring rows, from values and their change per row."""
+    step = np.diff(value, append=value[-1])
+    after = np.append(change[1:], 0.0)
+    return np.stack((value, change, 3 * step - 2 * change - after, change + after - 2 * step), axis=1)
+
+
+def attempts(z: Array) -> Array:
+    """Phi(z) [-]."""
     high = math.log(2.0) + z**2 - np.log(special.erfcx(np.maximum(z, 0.0)))
     low = -np.log1p(-special.erfc(np.maximum(-z, 0.0)) / 2)
     return _ROOT_PI / 2 * np.where(z > 0, high, low)
 
 
-@njit(cache=True, error_model="numpy")
-def attempts(z):  # type: ignore[no-untyped-def]
-    """Phi(z) [-]."""
-    if z >= 0.0:
-        return _ROOT_PI / 2 * (HALF + z * z - math.log(erfcx_positive(z)))
-    return -_ROOT_PI / 2 * math.log1p(-0.5 * exponential(-z * z) * erfcx_positive(-z))
-
-
-@njit(cache=True, error_model="numpy")
-def _exact_rate(z):  # type: ignore[no-untyped-def]
-    """p(z), compiled once."""
-    return switching_rate(z)
-
-
-@njit(cache=True, inline="always", error_model="numpy")
+@inlined
 def row_of(table, z):  # type: ignore[no-untyped-def]
     """Where z lies in the table: row and fraction of the way to the next."""
     s = min(max((z - _FIRST) * _PER_UNIT, 0.0), table.shape[0] - 1.000001)
     k = int(s)
-    return k, s - k
+    return np.uint64(k), s - k  # Numba spares the test for negative indices
 
 
-@njit(cache=True, inline="always", error_model="numpy", fastmath={"contract"})
+@inlined
 def entry(table, k, t, column):  # type: ignore[no-untyped-def]
     """An entry of the table, linear between rows."""
-    return table[k, column] + t * (table[k + 1, column] - table[k, column])
+    return table[k, column] + t * (table[k + np.uint64(1), column] - table[k, column])
 
 
-@njit(cache=True, inline="always", error_model="numpy", fastmath={"contract"})
-def _smooth(y0, y1, m0, m1, t):  # type: ignore[no-untyped-def]
-    """Cubic Hermite between values y with slopes m (times 1/32)."""
-    e = y1 - y0
-    return y0 + t * (m0 + t * (3.0 * e - 2.0 * m0 - m1 + t * (m0 + m1 - 2.0 * e)))
-
-
-@njit(cache=True, inline="always", error_model="numpy")
+@inlined
 def _rate(table, z):  # type: ignore[no-untyped-def]
     """p(z) from the table, to 1e-5; its slope is p (2 p/sqrt(pi) - 2 z)."""
     if z >= _LAST:
-        return _exact_rate(z)
-    k, t = row_of(table, z)
-    return _smooth(table[k, RATE], table[k + 1, RATE], table[k, RISE], table[k + 1, RISE], t)
+        return _ROOT_PI * (z + 0.5 / z)  # asymptotic, to 2e-7
+    s = max((z - _FIRST) * _PER_UNIT, 0.0)
+    row = int(s)
+    k, t = np.uint64(row), s - row
+    return table[k, RATE] + t * (table[k, RATE + 1] + t * (table[k, RATE + 2] + t * table[k, RATE + 3]))
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _log_attempts(table, z):  # type: ignore[no-untyped-def]
     """ln Phi(z) from the table."""
     if z >= _LAST:
-        return math.log(attempts(z))
+        return math.log(_ROOT_PI / 2 * (math.log(2.0 * _ROOT_PI * z) + z * z))
     k, t = row_of(table, z)
-    slope0, slope1 = table[k, SLOPE] / _PER_UNIT, table[k + 1, SLOPE] / _PER_UNIT
-    return _smooth(table[k, LOG], table[k + 1, LOG], slope0, slope1, t)
+    return table[k, LOG] + t * (table[k, LOG + 1] + t * (table[k, LOG + 2] + t * table[k, LOG + 3]))
 
 
-@njit(cache=True, error_model="numpy")
-def _lead_of(table, slope, guess):  # type: ignore[no-untyped-def]
-    """The lead z with p(z)/Phi(z) = slope, by Newton steps on the logarithms."""
-    z = guess
-    for _ in range(20):
-        k, t = row_of(table, z)
-        own = entry(table, k, t, SLOPE)
-        change = math.log(own / slope) / (own - (2.0 / _ROOT_PI * entry(table, k, t, RATE) - 2.0 * z))
-        z = min(max(z + change, _FIRST), _LAST)
-        if abs(change) < 1e-4:
-            break
-    return z
+@inner
+def _lead_of(table, slope):  # type: ignore[no-untyped-def]
+    """The lead z with p(z)/Phi(z) = slope."""
+    k, t = row_of(table, 2.0 / slope - 0.5 * slope)
+    z = table[k, LEAD] + t * (table[k, LEAD + 1] + t * (table[k, LEAD + 2] + t * table[k, LEAD + 3]))
+    return min(max(z, _FIRST), _LAST)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@inlined
 def _short_piece(table, z, climb, duration):  # type: ignore[no-untyped-def]
     """As `_piece`, with z at mid-climb, for a climb so short that the rate is a parabola."""
     p = _rate(table, z)
-    bend = 2.0 / _ROOT_PI * p - 2.0 * z  # p'/p; then p''/p
-    bend2 = bend * (4.0 / _ROOT_PI * p - 2.0 * z) - 2.0
-    H = duration * p * (1.0 + bend2 * climb * climb / 24.0)
-    return H, H * bend, H * bend2
+    growth = 2.0 / _ROOT_PI * p - 2.0 * z  # p'/p; then p''/p
+    growth2 = growth * (4.0 / _ROOT_PI * p - 2.0 * z) - 2.0
+    H = duration * p
+    H += H * growth2 * (climb * climb * (1.0 / 24.0))
+    return H, H * growth, H * growth2
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner
 def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
     """Attempts at the threshold a during a linear piece of field, and minus their first and second slope over a."""
     climb = end - start
     z = 0.5 * (start + end) - a
     if abs(climb) < _SHORT:
         return _short_piece(table, z, climb, duration)
-    if abs(climb) < _LONG:
-        H, H1, H2 = 0.0, 0.0, 0.0
-        for node in range(3):  # Gauss' rule
-            y = z + (node - 1) * _GAUSS * climb
-            p = _rate(table, y)
-            bend = 2.0 / _ROOT_PI * p - 2.0 * y
-            share = duration * p * (4.0 / 9.0 if node == 1 else 5.0 / 18.0)
-            H += share
-            H1 += share * bend
-            H2 += share * (bend * (4.0 / _ROOT_PI * p - 2.0 * y) - 2.0)
-        return H, H1, H2
-    z0, z1 = start - a, end - a
-    p0, p1 = _exact_rate(z0), _exact_rate(z1)
-    bend0, bend1 = p0 * (2.0 / _ROOT_PI * p0 - 2.0 * z0), p1 * (2.0 / _ROOT_PI * p1 - 2.0 * z1)
-    scale = duration / climb
-    return scale * (attempts(z1) - attempts(z0)), scale * (p1 - p0), scale * (bend1 - bend0)
+    H, H1, H2 = 0.0, 0.0, 0.0
+    for node, weight in _GAUSS:
+        y = z + node * climb
+        p = _rate(table, y)
+        growth = 2.0 / _ROOT_PI * p - 2.0 * y
+        share = weight * duration * p
+        H += share
+        H1 += share * growth
+        H2 += share * (growth * (4.0 / _ROOT_PI * p - 2.0 * y) - 2.0)
+    return H, H1, H2
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@inner
 def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     """Position and lead of a front that moves up, after a linear piece of field."""
     climb = end - start
@@ -201,20 +213,17 @@ def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     if more > _SMALL:
         return _move_far(table, u, lead, start, end, duration, more, fall)
     k, t = row_of(table, lead)
-    slope = entry(table, k, t, SLOPE)
-    own = 2.0 / _ROOT_PI * entry(table, k, t, RATE) - 2.0 * lead  # p'/p at the lead; then p''/p
-    own2 = own * (2.0 * own + 2.0 * lead) - 2.0
     # attempts at u + y, in terms of those at u: 1 + more - first y + second y^2/2 - third y^3/6 = 1
-    first, second, third = slope + fall, slope * own + fall2, slope * own2
+    first = entry(table, k, t, SLOPE) + fall
+    second, third = entry(table, k, t, BEND) + fall2, entry(table, k, t, CURVE)
     inverse = 1.0 / first
-    y = more * inverse
-    a, b = 0.5 * second * inverse, third * inverse / 6.0
+    y, a, b = more * inverse, 0.5 * second * inverse, third * (1.0 / 6.0) * inverse
     y *= 1.0 + y * (a + y * (2.0 * a * a - b))  # series reversion
     change = fall - y * (second - 0.5 * y * third)
     return u + y, lead + change * entry(table, k, t, STEEPEN)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _move_far(table, u, lead, start, end, duration, more, fall):  # type: ignore[no-untyped-def]
     """The same by Newton's method on ln H, for pieces that move the front by much of its width or more."""
     own = _log_attempts(table, lead)
@@ -238,17 +247,16 @@ def _move_far(table, u, lead, start, end, duration, more, fall):  # type: ignore
         k, t = row_of(table, z)
         H = max(more / HALF + old, 1e-290)
         S = max(fall / HALF + old * entry(table, k, t, SLOPE), 1e-290)
-    guess = lead if abs(a - u) < 1.0 else 2.0 / S - 0.5 * S
-    return a, _lead_of(table, S, min(max(guess, _FIRST), _LAST))
+    return a, _lead_of(table, S)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def relative_attempts(table, u, lead, a):  # type: ignore[no-untyped-def]
     """H(a) of a front over that at its own position."""
     return exponential(_log_attempts(table, lead - (a - u)) - _log_attempts(table, lead))
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def merge(table, u, lead, v, lead_v):  # type: ignore[no-untyped-def]
     """The front of domains that have seen the attempts of both: position and lead.
 
@@ -260,18 +268,21 @@ def merge(table, u, lead, v, lead_v):  # type: ignore[no-untyped-def]
     slope = 0.0
     for _ in range(30):
         y, w = lead - (a - u), lead_v - (a - v)
-        H = exponential(_log_attempts(table, y) - own)
-        H_v = exponential(_log_attempts(table, w) - other)
+        first, second = _log_attempts(table, y) - own, _log_attempts(table, w) - other
+        H, H_v = exponential(first), exponential(second)
         if H < _APART:
             return v, lead_v
         if H_v < _APART:
             return u, lead
         k, t = row_of(table, y)
-        slope = H * entry(table, k, t, SLOPE)
-        k, t = row_of(table, w)
-        slope += H_v * entry(table, k, t, SLOPE)
-        ahead = math.log(H + H_v) * (H + H_v) / slope
+        m, r = row_of(table, w)
+        both = H + H_v
+        slope = H * entry(table, k, t, SLOPE) + H_v * entry(table, m, r, SLOPE)
+        bend = H * entry(table, k, t, BEND) + H_v * entry(table, m, r, BEND)
+        ahead = math.log(both) * both / slope  # Newton's step, to the zero of the logarithm; then Halley's
+        ahead /= 1.0 - 0.5 * ahead * (slope / both - bend / slope)
         a += ahead
-        if abs(ahead) < 1e-4:  # Newton's next would be below 1e-8
+        slope -= bend * ahead
+        if abs(ahead) < 2e-3:  # the next would be below 1e-8
             break
-    return a, _lead_of(table, slope, lead if u > v else lead_v)
+    return a, _lead_of(table, slope)

@@ -13,9 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from pzt_ros.physics.front_kinetics import HIGH, LOW, SHARE, entry, row_of
+from pzt_ros.physics.front_kinetics import HIGH, LOW, SHARE, entry, inlined, inner, row_of
 from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER
 from pzt_ros.physics.signals import Array
 
@@ -25,7 +24,7 @@ class Fronts(NamedTuple):
 
     Attributes:
         table: see front_kinetics.front_table.
-        shares: see front_tables.Everett.values.
+        shares: see front_tables.Everett.values; the second half is the same for turned fields.
         per: grid steps per d.
         initial: share of domains up in the virgin state [-].
         per_volt: field [d] of a volt.
@@ -52,47 +51,14 @@ class Fronts(NamedTuple):
     field_step: float
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@inlined
 def _weights(t, t2, t3):  # type: ignore[no-untyped-def]
     """Cubic Hermite: of both values and of both slopes, from the place in the cell, its square and its cube."""
     value, slope = 3.0 * t2 - 2.0 * t3, t3 - t2
     return 1.0 - value, value, slope - t2 + t, slope
 
 
-@njit(cache=True, inline="always", error_model="numpy")
-def _locate(t, last):  # type: ignore[no-untyped-def]
-    """Cell of a position in grid steps, and how far into it."""
-    t = min(max(t, 0.0), last)
-    k = min(int(t), int(last) - 1)
-    return k, t - k
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _contract(f, share, i, j, a, b):  # type: ignore[no-untyped-def]
-    """Bicubic Hermite sum over a cell with the weights of u (a) and l (b)."""
-    i, j = np.uint64(i), np.uint64(j)  # Numba spares the test for negative indices
-    k, m = i + np.uint64(1), j + np.uint64(1)
-    b0, b1, b2, b3 = b
-    return (
-        a[0] * (b0 * f[share, i, j, 0] + b1 * f[share, i, m, 0] + b2 * f[share, i, j, 2] + b3 * f[share, i, m, 2])
-        + a[1] * (b0 * f[share, k, j, 0] + b1 * f[share, k, m, 0] + b2 * f[share, k, j, 2] + b3 * f[share, k, m, 2])
-        + a[2] * (b0 * f[share, i, j, 1] + b1 * f[share, i, m, 1] + b2 * f[share, i, j, 3] + b3 * f[share, i, m, 3])
-        + a[3] * (b0 * f[share, k, j, 1] + b1 * f[share, k, m, 1] + b2 * f[share, k, j, 3] + b3 * f[share, k, m, 3])
-    )
-
-
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _hard(f, share, u, l):  # type: ignore[no-untyped-def]
-    """A share for hard fronts at u and l [grid steps]."""
-    if u <= l:
-        return 0.0
-    last = f.shape[1] - 1.0
-    i, s = _locate(u, last)
-    j, t = _locate(l, last)
-    return _contract(f, share, i, j, _weights(s, s * s, s * s * s), _weights(t, t * t, t * t * t))
-
-
-@njit(cache=True, inline="always", error_model="numpy")
+@inlined
 def _mixed(w, s, t):  # type: ignore[no-untyped-def]
     """Mean weights of two places in one cell."""
     s2, t2 = s * s, t * t
@@ -100,88 +66,146 @@ def _mixed(w, s, t):  # type: ignore[no-untyped-def]
     return _weights(t + w * (s - t), t2 + w * (s2 - t2), t3 + w * (s3 - t3))
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _mean(f, share, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
+@inlined
+def _node(f, i, j, slope, b):  # type: ignore[no-untyped-def]
+    """Value (slope = 0) or slope by u (1) at node i of u, with the weights b for the cell j of l."""
+    m = j + np.uint64(1)
+    return b[0] * f[i, j, slope] + b[1] * f[i, m, slope] + b[2] * f[i, j, slope + 2] + b[3] * f[i, m, slope + 2]
+
+
+@inlined
+def _contract(f, i, j, a, b):  # type: ignore[no-untyped-def]
+    """Bicubic Hermite sum over a cell with the weights of u (a) and l (b)."""
+    i, j = np.uint64(i), np.uint64(j)  # Numba spares the test for negative indices
+    k = i + np.uint64(1)
+    return (
+        a[0] * _node(f, i, j, 0, b)
+        + a[1] * _node(f, k, j, 0, b)
+        + a[2] * _node(f, i, j, 1, b)
+        + a[3] * _node(f, k, j, 1, b)
+    )
+
+
+@inner
+def _hard(f, u, l):  # type: ignore[no-untyped-def]
+    """A share for hard fronts at u and l [grid steps]."""
+    if u <= l:
+        return 0.0
+    last = f.shape[1] - 1.0
+    u, l = min(max(u, 0.0), last), min(max(l, 0.0), last)
+    i, j = min(int(u), int(last) - 1), min(int(l), int(last) - 1)
+    s, t = u - i, l - j
+    return _contract(f, i, j, _weights(s, s * s, s * s * s), _weights(t, t * t, t * t * t))
+
+
+@inner
+def _row(f, i, a, l1, l2, v):  # type: ignore[no-untyped-def]
+    """Mean over two hard fronts l with the weights a for the cell i of u."""
+    j, m = int(l1), int(l2)
+    s, t = l1 - j, l2 - m
+    if j == m:
+        return _contract(f, i, j, a, _mixed(v, s, t))
+    first = _contract(f, i, j, a, _weights(s, s * s, s * s * s))
+    return v * first + (1.0 - v) * _contract(f, i, m, a, _weights(t, t * t, t * t * t))
+
+
+@inner
+def _mean(f, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
     """Mean of four pairs of hard fronts: u1 has the weight w and u2 the rest, l1 v and l2 the rest [grid steps].
 
-    Mostly both u and both l lie in a cell; one sum over it then does for all four.
+    Mostly both u or both l lie in a cell; one sum over it then does for both.
     """
     if min(u1, u2) >= max(l1, l2) and min(l1, l2) >= 0.0 and max(u1, u2) < f.shape[1] - 1.0:
-        i, j = int(u1), int(l1)
-        s, t = u2 - i, l2 - j
-        if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
-            return _contract(f, share, i, j, _mixed(w, u1 - i, s), _mixed(v, l1 - j, t))
-    return _mean_far(f, share, u1, u2, w, l1, l2, v)
-
-
-@njit(cache=True, error_model="numpy")
-def _mean_far(f, share, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
-    """The same wherever they lie."""
+        i, k = int(u1), int(u2)
+        s, t = u1 - i, u2 - k
+        if i == k:
+            return _row(f, i, _mixed(w, s, t), l1, l2, v)
+        first = _row(f, i, _weights(s, s * s, s * s * s), l1, l2, v)
+        return w * first + (1.0 - w) * _row(f, k, _weights(t, t * t, t * t * t), l1, l2, v)
     if max(u1, u2) <= min(l1, l2):
         return 0.0
-    first = v * _hard(f, share, u1, l1) + (1.0 - v) * _hard(f, share, u1, l2)
-    second = v * _hard(f, share, u2, l1) + (1.0 - v) * _hard(f, share, u2, l2)
+    first = v * _hard(f, u1, l1) + (1.0 - v) * _hard(f, u1, l2)
+    second = v * _hard(f, u2, l1) + (1.0 - v) * _hard(f, u2, l2)
     return w * first + (1.0 - w) * second
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@inner
+def section(f, i, l1, l2, v):  # type: ignore[no-untyped-def]
+    """The mean over two hard fronts l [grid steps] within the cell i of u: coefficients of a cubic in the place."""
+    last = f.shape[1] - 1.0
+    k = np.uint64(i)
+    y0 = y1 = m0 = m1 = 0.0
+    for l, w in ((l1, v), (l2, 1.0 - v)):
+        l = min(max(l, 0.0), last)
+        j = min(int(l), int(last) - 1)
+        t = l - j
+        b = _weights(t, t * t, t * t * t)
+        j = np.uint64(j)
+        y0 += w * _node(f, k, j, 0, b)
+        y1 += w * _node(f, k + np.uint64(1), j, 0, b)
+        m0 += w * _node(f, k, j, 1, b)
+        m1 += w * _node(f, k + np.uint64(1), j, 1, b)
+    e = y1 - y0
+    return y0, m0, 3.0 * e - 2.0 * m0 - m1, m0 + m1 - 2.0 * e
+
+
+@inlined
 def places(table, lead):  # type: ignore[no-untyped-def]
     """Where the two sub-fronts of a front are relative to it, and the share of the first."""
     k, t = row_of(table, lead)
     return entry(table, k, t, LOW), entry(table, k, t, HIGH), entry(table, k, t, SHARE)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
-def everett(shares, per, s, u, profile, l, profile_l):  # type: ignore[no-untyped-def]
-    """T of fronts with profiles [-]."""
+@inlined
+def everett(shares, per, u, profile, l, profile_l):  # type: ignore[no-untyped-def]
+    """T of fronts with profiles [-], in the shares of their direction."""
     u1, u2, w = profile
     l1, l2, v = profile_l
     middle = 0.5 * (shares.shape[1] - 1)
-    u1, u2, l1, l2 = (u + u1) * per, (u + u2) * per, (l1 - l) * per, (l2 - l) * per
-    if s < 0.0:
-        u1, u2, w, l1, l2, v = l1, l2, v, u1, u2, w
-    return _mean(shares, TRIANGLE, middle + u1, middle + u2, w, middle - l1, middle - l2, v)
+    at, at_l = middle + u * per, middle + l * per
+    return _mean(shares[TRIANGLE], at + u1 * per, at + u2 * per, w, at_l - l1 * per, at_l - l2 * per, v)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
-def equilibrium(shares, per, s, u, profile, field):  # type: ignore[no-untyped-def]
-    """Share of the domains between a front and its mirror image at the field that are down: the far half [-].
+@inlined
+def between(shares, half, per, u, profile, field):  # type: ignore[no-untyped-def]
+    """Share of the domains between a front and its mirror image at the field: the far half (LOWER) is down, the near
+    half (UPPER) up [-].
 
-    This and the same for the mirrored front add up to T: the two fronts may change roles without a jump.
+    The far half of this and of the same for the mirrored front add up to T: the two may change roles without a jump.
     """
     u1, u2, w = profile
     u1, u2 = (u - field + u1) * per, (u - field + u2) * per
-    at = 0.5 * (shares.shape[1] - 1) + s * field * per
-    return _mean(shares, LOWER if s > 0.0 else UPPER, at + u1, at + u2, w, at - u1, at - u2, w)
+    if max(u1, u2) <= 0.0 and min(u1, u2) <= 0.0:
+        return 0.0
+    at = 0.5 * (shares.shape[1] - 1) + field * per
+    return _mean(shares[half], at + u1, at + u2, w, at - u1, at - u2, w)
 
 
-@njit(cache=True, error_model="numpy")
-def _virgin(f, per, s, u, l):  # type: ignore[no-untyped-def]
-    """Turned x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
+@inner
+def _virgin(f, per, u, l):  # type: ignore[no-untyped-def]
+    """x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
     middle = 0.5 * (f.shape[1] - 1)
-    up, down = (LOWER, UPPER) if s > 0.0 else (UPPER, LOWER)
     if u > -l:
-        return _hard(f, up, middle + u * per, middle - u * per)
-    before = _hard(f, down, middle - l * per, middle + l * per)
-    if s < 0.0:
-        u, l = -l, -u
-    return _hard(f, TRIANGLE, middle + u * per, middle + l * per) - before
+        return _hard(f[LOWER], middle + u * per, middle - u * per)
+    before = _hard(f[UPPER], middle - l * per, middle + l * per)
+    return _hard(f[TRIANGLE], middle + u * per, middle + l * per) - before
 
 
-@njit(cache=True, error_model="numpy")
+@inner
+def first_leg(f, per, u, profile, l, profile_l):  # type: ignore[no-untyped-def]
+    """What the way up to u adds to x where all before was a way down to l from the virgin state."""
+    u1, u2, w = u + profile[0], u + profile[1], profile[2]
+    l1, l2, v = l - profile_l[0], l - profile_l[1], profile_l[2]
+    first = v * _virgin(f, per, u1, l1) + (1.0 - v) * _virgin(f, per, u1, l2)
+    second = v * _virgin(f, per, u2, l1) + (1.0 - v) * _virgin(f, per, u2, l2)
+    return w * first + (1.0 - w) * second
+
+
+@inner
 def leg(fr, k, s, u, lead, l, lead_l):  # type: ignore[no-untyped-def]
     """What the way from turning point k - 1 (at l) to k (at u) adds to x, in turned positions."""
-    table, f, per = fr.table, fr.shares, fr.per
-    profile, profile_l = places(table, lead), places(table, lead_l)
+    f = fr.shares[0] if s > 0.0 else fr.shares[1]
+    profile, profile_l = places(fr.table, lead), places(fr.table, lead_l)
     if k > 1:
-        return s * everett(f, per, s, u, profile, l, profile_l)
-    u1, u2, w = u + profile[0], u + profile[1], profile[2]
-    l1, l2, v = profile_l[0] - l, profile_l[1] - l, profile_l[2]
-    middle = 0.5 * (f.shape[1] - 1)
-    if min(u1, u2) > max(l1, l2):  # beyond all that was: the virgin half
-        half, at1, at2 = UPPER if s < 0.0 else LOWER, u1 * per, u2 * per
-        x = w * _hard(f, half, middle + at1, middle - at1) + (1.0 - w) * _hard(f, half, middle + at2, middle - at2)
-        return s * x
-    first = v * _virgin(f, per, s, u1, -l1) + (1.0 - v) * _virgin(f, per, s, u1, -l2)
-    second = v * _virgin(f, per, s, u2, -l1) + (1.0 - v) * _virgin(f, per, s, u2, -l2)
-    return s * (w * first + (1.0 - w) * second)
+        return s * everett(f, fr.per, u, profile, l, profile_l)
+    return s * first_leg(f, fr.per, u, profile, l, profile_l)

@@ -29,19 +29,22 @@ CUT = 5.0
 _STEP = 0.5
 """Grid step over the narrower standard deviation: interpolation is then good to 1e-5."""
 
-_MAX_POINTS = 384
+MAX_POINTS = 384
 """Along an axis; it bounds memory to 14 MB where one spread is far below the other."""
 
-TRIANGLE, LOWER, UPPER = range(3)
-"""Which share: of the triangle, of its half below the line through the tip, of that above."""
+TRIANGLE, LOWER, UPPER = map(np.int64, range(3))
+"""Which share: of the triangle, of its half below the line through the tip, of that above.
+
+Numba compiles a function anew for each plain integer that it is called with, but not for these.
+"""
 
 
 class Everett(NamedTuple):
     """The Everett function on a grid, for bicubic Hermite interpolation.
 
     Attributes:
-        values: shape (3, n, n, 4): of TRIANGLE, LOWER, UPPER, for every u and l, the value and, times the step, its
-            derivatives by u, by l, and by both.
+        values: shape (2, 3, n, n, 4): of TRIANGLE, LOWER, UPPER, for every u and l, the value and, times the step, its
+            derivatives by u, by l, and by both; then the same as a front sees it that moves down, in turned fields.
         step: of the grid [V/m].
         reach: the grid goes from -reach to reach [V/m]; no domain switches beyond.
         initial: share of the domains with E_e >= 0, which a virgin specimen has up [-].
@@ -59,7 +62,7 @@ class Everett(NamedTuple):
 def everett(coercive: Density, interaction: Density) -> Everett:
     """Tabulate the Everett function of two independent densities; a spread below 2 steps of the grid is widened."""
     narrowest = min(_sigma(coercive), _sigma(interaction))
-    step = max(_STEP * narrowest, 2 * _reach(coercive, interaction) / _MAX_POINTS)
+    step = max(_STEP * narrowest, 2 * _reach(coercive, interaction) / MAX_POINTS)
     coercive, interaction = _widened(coercive, 2 * step), _widened(interaction, 2 * step)
     half = math.ceil(_reach(coercive, interaction) / step)
     reach = half * step
@@ -68,8 +71,9 @@ def everett(coercive: Density, interaction: Density) -> Everett:
     fields: Array = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (step / 4)
     f1, _ = _sampled(coercive, barriers)
     f2, F2 = _sampled(interaction, fields)
-    values = np.zeros((3, points, points, 4))
-    _fill(values, f1, f2, F2, np.gradient(f2, step / 4), step)
+    values = np.zeros((2, 3, points, points, 4))
+    _fill(values[0], f1, f2, F2, np.gradient(f2, step / 4), step)
+    finished(values)
     mean = float(np.sum(fields * f2) / np.sum(f2))
     return Everett(values, step, reach, 1.0 - float(F2[4 * half]), mean)
 
@@ -115,14 +119,14 @@ def _cumulative(density: Table, fields: Array) -> Array:
     return np.interp(fields, every, sums)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _fill(values, f1, f2, F2, change2, step):  # type: ignore[no-untyped-def]
     """Integrals over the barrier by Simpson's rule; f1 on quarter steps from 0, the others from -reach.
 
     They grow along the grid, int f1(x) g(-l - x) dx with u, int f1(x) g(x - u) dx as l falls, by one rule a point.
     """
     n = values.shape[1]
-    triangle, lower, upper = values[TRIANGLE], values[LOWER], values[UPPER]
+    triangle, lower = values[TRIANGLE], values[LOWER]
     rule = (step / 12, step / 3, step / 12)
     for j in range(n):
         at = 4 * (n - 1 - j)  # of -l
@@ -152,13 +156,22 @@ def _fill(values, f1, f2, F2, change2, step):  # type: ignore[no-untyped-def]
             lower[i, j, 1] = step * slope - median
             lower[i, j, 2] = -median
             lower[i, j, 3] = 0.25 * step * step * (change2[m] * below_c - tip * f2[m])
-    _continue(triangle, f1[0], f2, change2, step)
-    _continue(lower, 0.5 * f1[0], f2, change2, step)
-    upper[:] = triangle - lower
+    beyond_diagonal(triangle, f1[0], f2, change2, step)
+    beyond_diagonal(lower, 0.5 * f1[0], f2, change2, step)
+
+
+def finished(values: Array) -> None:
+    """Fill in UPPER, and the shares in turned fields: u stands where -l stood, and the halves change their names."""
+    straight, turned = values
+    np.subtract(straight[TRIANGLE], straight[LOWER], out=straight[UPPER])
+    for share, source in ((TRIANGLE, TRIANGLE), (LOWER, UPPER), (UPPER, LOWER)):
+        there, here = straight[source, ::-1, ::-1].swapaxes(0, 1), turned[share]
+        for column, (sign, other) in enumerate(((1, 0), (-1, 2), (-1, 1), (1, 3))):
+            np.multiply(there[..., other], sign, out=here[..., column])
 
 
 @njit(cache=True, error_model="numpy")
-def _continue(values, start, f2, change2, step):  # type: ignore[no-untyped-def]
+def beyond_diagonal(values, start, f2, change2, step):  # type: ignore[no-untyped-def]
     """The points just beyond the diagonal, so that cells on it are as smooth as the others.
 
     Towards c = 0 a share is A c^2 + B c^3, with A = start f2(m): at -c it is 2 A c^2 minus that at c.

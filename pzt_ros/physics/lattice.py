@@ -9,12 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from pzt_ros.errors import BenchError
-from pzt_ros.physics.density import Nodes, equally_spaced
+from pzt_ros.physics.density import Nodes, ThresholdDensity, equally_spaced
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import parameter
 
 _MAX_DOMAINS = 4_000_000
+_PLACES = 4  # in each direction, at which an identified density is taken for a domain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +32,13 @@ class Lattice(Polycrystal):
 
     @property
     def field_spacing(self) -> float:
-        """Distance of neighbouring domains, E_c or E_e [V/m]; at most half a standard deviation."""
+        """Distance of neighbouring domains, E_c or E_e [V/m]; at most half a standard deviation, or a quarter of an
+        identified grid."""
+        widest = self.spacing * self.thermal_width
+        if self.threshold_density is not None:
+            return min(widest, self.threshold_density.spacing / 4)
         sigmas = [math.sqrt(d.spread / 2) for d in (self.coercive, self.interaction) if d.spread > 0]
-        return min([self.spacing * self.thermal_width, *(sigma / 2 for sigma in sigmas)])
+        return min([widest, *(sigma / 2 for sigma in sigmas)])
 
     def nodes(self) -> tuple[Nodes, Nodes]:
         """Nodes of the coercive and of the interaction field; a spread of 0 gives one node.
@@ -41,24 +46,50 @@ class Lattice(Polycrystal):
         Raises:
             BenchError: more domains than fit into memory with good reason.
         """
+        if self.threshold_density is not None:
+            coercive, interaction, weights = self._identified(self.threshold_density)
+            return (coercive, weights.sum(axis=1)), (interaction, weights.sum(axis=0))
         step = self.field_spacing
         ends = [density.support(self.cut) for density in (self.coercive, self.interaction) if density.spread > 0]
-        domains = math.prod((high - low) / step for low, high in ends)
-        if domains > _MAX_DOMAINS:
-            raise BenchError(
-                f"lattice: {domains:.3g} domains {step:.3g} V/m apart, at most {_MAX_DOMAINS:.3g} are wise;"
-                " raise the spacing, or set a spread far below the thermal width to 0"
-            )
-        coercive = equally_spaced(self.coercive, step, self.cut)
-        interaction = equally_spaced(self.interaction, step, self.cut)
-        return _normalized(coercive), _normalized(interaction)
+        self._check_count(math.prod((high - low) / step for low, high in ends))
+        return (
+            _normalized(equally_spaced(self.coercive, step, self.cut)),
+            _normalized(equally_spaced(self.interaction, step, self.cut)),
+        )
 
     def tables(self, coercive: Nodes, interaction: Nodes) -> tuple[Array, Array, Array, Array]:
         """A row per coercive field, a column per interaction field."""
         steps = self.field_spacing * np.arange(coercive[0].size + interaction[0].size - 1)
         forward = coercive[0][-1] - interaction[0][0] - steps
         backward = -coercive[0][0] - interaction[0][0] - steps
+        if self.threshold_density is not None:
+            _, _, weights = self._identified(self.threshold_density)
+            return forward, backward, np.ones(coercive[0].size), weights.ravel()
         return forward, backward, coercive[1], interaction[1]
+
+    def _identified(self, density: ThresholdDensity) -> tuple[Array, Array, Array]:
+        """Coercive fields, interaction fields [V/m] and the weights of all pairs [-]; domains lie half a step off 0."""
+        step = self.field_spacing
+        highest = (density.up_fields[-1] - density.down_fields[0]) / 2
+        low = -(density.up_fields[-1] + min(density.down_fields[-1], density.up_fields[-1])) / 2
+        high = -(max(density.up_fields[0], density.down_fields[0]) + density.down_fields[0]) / 2
+        self._check_count(highest * (high - low) / step**2)
+        coercive: Array = (np.arange(math.ceil(highest / step), dtype=np.float64) + 0.5) * step
+        interaction: Array = (np.arange(math.floor(low / step), math.ceil(high / step), dtype=np.float64) + 0.5) * step
+        weights = np.zeros((coercive.size, interaction.size))
+        places = step * ((np.arange(_PLACES) + 0.5) / _PLACES - 0.5)
+        for c in places:  # the mean over what a domain stands for: an identified density may end with a jump
+            for e in places:
+                barrier, bias = coercive[:, None] + c, interaction + e
+                weights += density.at(barrier - bias, -barrier - bias)
+        return coercive, interaction, weights / weights.sum()
+
+    def _check_count(self, domains: float) -> None:
+        if domains > _MAX_DOMAINS:
+            raise BenchError(
+                f"lattice: {domains:.3g} domains {self.field_spacing:.3g} V/m apart, at most {_MAX_DOMAINS:.3g} are"
+                " wise; raise the spacing, or set a spread far below the thermal width to 0"
+            )
 
 
 def _normalized(nodes: Nodes) -> Nodes:

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pzt_ros.physics.compiling import OUTER, WITHIN, copy_onto
 from pzt_ros.physics.kinetics import exponential, switching_rate
 from pzt_ros.physics.signals import Array
 
@@ -45,7 +46,8 @@ class Elements(NamedTuple):
 
     Attributes:
         forward, backward: a/d and b/d [-], shape (rows + columns - 1,).
-        row_weight, column_weight: shapes (rows,), (columns,); the weight of domain (i, j) is their product.
+        row_weight, column_weight: shapes (rows,), (columns,); the weight of domain (i, j) is their product. Where that
+            will not do, column_weight has the shape (rows * columns,), a row after the other.
         width: thermal width d [V/m].
         attempt_rate: 1/tau, times the prefactor of (3.9) if that is wanted [1/s].
         susceptibility: 1/E_1 [C/(V m)].
@@ -77,7 +79,7 @@ def field_step(method: int, accuracy: float) -> float:
     return 0.035 * math.sqrt(math.sqrt(accuracy / 1e-6))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**WITHIN, error_model="numpy")
 def _substeps(el, climb, duration):  # type: ignore[no-untyped-def]
     """How many substeps a ramp over `climb` [in units of d] needs."""
     step = el.field_step
@@ -88,7 +90,7 @@ def _substeps(el, climb, duration):  # type: ignore[no-untyped-def]
     return int(min(max(needed, 1.0), _MAX_SUBSTEPS))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(**WITHIN, error_model="numpy", fastmath=True)
 def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
     """Both rate tables [1/s] at the field u [in units of d]."""
     for k in range(up.size):
@@ -96,20 +98,41 @@ def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
         down[k] = el.attempt_rate * switching_rate(el.backward[k] - u)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(**WITHIN, error_model="numpy", fastmath=True)
 def _fill_decay(decay, h, first, middle, last):  # type: ignore[no-untyped-def]
     """exp(- integral of a rate over the step) by Simpson's rule."""
     for k in range(decay.size):
         decay[k] = exponential(-h / 6.0 * (first[k] + 4.0 * middle[k] + last[k]))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(**WITHIN, error_model="numpy")
+def _shape(el):  # type: ignore[no-untyped-def]
+    """Rows, columns, and how far the weights of a row are behind those of the row before."""
+    rows = el.row_weight.size
+    columns = el.forward.size - rows + 1
+    return rows, columns, columns if el.column_weight.size > columns else 0
+
+
+@njit(**WITHIN, error_model="numpy")
+def total_weight(el):  # type: ignore[no-untyped-def]
+    """Sum of all weights [-]."""
+    rows, columns, stride = _shape(el)
+    if stride == 0:
+        return el.row_weight.sum() * el.column_weight.sum()
+    total = 0.0
+    for i in range(rows):
+        total += el.row_weight[i] * el.column_weight[i * stride : i * stride + columns].sum()
+    return total
+
+
+@njit(**WITHIN, error_model="numpy", fastmath=True)
 def _midpoint(x, el, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
     """One step of every domain towards the equilibrium at mid-step, in place; returns the weighted sum of x."""
-    rows, columns = el.row_weight.size, el.column_weight.size
+    rows, columns, stride = _shape(el)
     total = 0.0
     for i in range(rows):
         r = x[i * columns : (i + 1) * columns]
+        weight = el.column_weight[i * stride : i * stride + columns]
         m = rows - 1 - i
         p = up[m : m + columns]
         p_decay = up_decay[m : m + columns]
@@ -121,15 +144,15 @@ def _midpoint(x, el, up, up_decay, down, down_decay):  # type: ignore[no-untyped
             moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
             moved = min(max(moved, 0.0), 1.0)
             r[j] = moved
-            row += moved * el.column_weight[j]
+            row += moved * weight[j]
         total += row * el.row_weight[i]
     return total
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(**WITHIN, error_model="numpy", fastmath=True)
 def _collocation(x, el, h, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
     """One step of every domain with the rates up[0..2], down[0..2] at start, middle and end, in place."""
-    rows, columns = el.row_weight.size, el.column_weight.size
+    rows, columns, _ = _shape(el)
     for i in range(rows):
         r = x[i * columns : (i + 1) * columns]
         m = rows - 1 - i
@@ -160,27 +183,28 @@ def _collocation(x, el, h, up, up_decay, down, down_decay):  # type: ignore[no-u
             r[j] = min(max(moved, 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(**WITHIN, error_model="numpy", fastmath=True)
 def weighted_sum(x, el):  # type: ignore[no-untyped-def]
     """Sum of weight times x over all domains [-]."""
-    columns = el.column_weight.size
+    rows, columns, stride = _shape(el)
     total = 0.0
-    for i in range(el.row_weight.size):
+    for i in range(rows):
         r = x[i * columns : (i + 1) * columns]
+        weight = el.column_weight[i * stride : i * stride + columns]
         row = 0.0
         for j in range(columns):
-            row += r[j] * el.column_weight[j]
+            row += r[j] * weight[j]
         total += row * el.row_weight[i]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**WITHIN, error_model="numpy")
 def _polarization(switched, weights, field, el):  # type: ignore[no-untyped-def]
     """P [C/m^2] (3.16, 3.20) from the weighted sum of x, the sum of weights and the field [V/m]."""
     return weights * field * el.susceptibility + el.bias + (2.0 * switched - weights) * el.domain_polarization
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**WITHIN, error_model="numpy")
 def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
     """Take all x, in place, through a linear ramp from start to end [V/m] in duration [s]; returns their weighted sum.
 
@@ -197,8 +221,8 @@ def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
     collocation = el.method == COLLOCATION and climb != 0.0
     for k in range(count):
         if k > 0:
-            up[0] = up[2]
-            down[0] = down[2]
+            copy_onto(up[0], up[2])
+            copy_onto(down[0], down[2])
         first = 1 if k > 0 or not collocation else 0
         last = 2 if collocation else 1
         for node in range(first, last + 1):  # start, middle, end of the substep
@@ -214,12 +238,12 @@ def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
     return weighted_sum(x, el) if collocation else switched
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**WITHIN, error_model="numpy")
 def _work(el):  # type: ignore[no-untyped-def]
     return np.zeros((8, el.forward.size))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**OUTER, error_model="numpy")
 def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore[no-untyped-def]
     """Step through a block; `state` moves in place, the last two arrays are filled.
 
@@ -227,7 +251,7 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
     """
     work = _work(el)
     x = state[HEAD:]
-    weights = el.row_weight.sum() * el.column_weight.sum()
+    weights = total_weight(el)
     for k in range(time.size):
         duration = time[k] - state[TIME]
         field = voltage[k] / el.layer_thickness
@@ -240,7 +264,7 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**OUTER, error_model="numpy")
 def run_inverse(state, el, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
     """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
 
@@ -251,7 +275,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
     work = _work(el)
     x = state[HEAD:]
     trial_x = np.empty_like(x)
-    weights = el.row_weight.sum() * el.column_weight.sum()
+    weights = total_weight(el)
     least_slope = weights * el.susceptibility / el.layer_thickness
     for k in range(time.size):
         duration = time[k] - state[TIME]
@@ -266,7 +290,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         low, high, checked = -limit, limit, 4.0 * limit
         slope, v_old, miss_old = least_slope, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
-            trial_x[:] = x
+            copy_onto(trial_x, x)
             field = v / el.layer_thickness
             switched = advance(trial_x, el, work, start, field, duration)
             miss = _polarization(switched, weights, field, el) - target[k]
@@ -291,7 +315,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         climb = v - state[VOLTAGE]
         if known and abs(climb) > 1e-9 * limit:
             state[SLOPE] = max((way + miss) / climb, least_slope)
-        x[:] = trial_x
+        copy_onto(x, trial_x)
         state[TIME], state[VOLTAGE] = time[k], v
         voltage[k] = v
         phase_fraction[k] = switched / weights

@@ -38,6 +38,11 @@ class Quadrature(Polycrystal):
         "exact", ("exact", "thesis"), "weights sum to 1, or to what the thesis' program makes them sum to (about 0.997)"
     )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.threshold_density is not None:
+            raise BenchError(f"{self.kind}: threshold_density needs domains on a lattice; use lattice or front")
+
     def nodes(self) -> tuple[Nodes, Nodes]:
         """Nodes of the coercive and of the interaction field; a spread of 0 gives one node."""
         above = self._count("nodes_coercive_above")

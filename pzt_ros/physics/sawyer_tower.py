@@ -16,15 +16,22 @@ from numba.extending import overload
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics import (
+    front_kernel,
     parametrized_branch,
     parametrized_inverse,
     parametrized_kernel,
-    polycrystal,
+    parametrized_single_branch,
+    parametrized_single_kernel,
     polycrystal_kernel,
 )
+from pzt_ros.physics.compiling import OUTER, WITHIN, copy_onto
+from pzt_ros.physics.domains import FIELD_LIMIT, INVERSE_TOLERANCE
 from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.front import Front
+from pzt_ros.physics.front_shares import Fronts
 from pzt_ros.physics.linear_response import lag_inverse, lag_step
 from pzt_ros.physics.parametrized import Parametrized
+from pzt_ros.physics.parametrized_single import ParametrizedSingle
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
 
@@ -66,10 +73,16 @@ class Circuit(NamedTuple):
     period: float
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _polycrystal_inverse(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
-    limit = polycrystal.FIELD_LIMIT * ceramic.layer_thickness
-    polycrystal_kernel.run_inverse(state, ceramic, time, p, voltage, x, limit, polycrystal.INVERSE_TOLERANCE)
+    limit = FIELD_LIMIT * ceramic.layer_thickness
+    polycrystal_kernel.run_inverse(state, ceramic, time, p, voltage, x, limit, INVERSE_TOLERANCE)
+
+
+@njit(cache=True, inline="always")
+def _front_inverse(state, ceramic, time, p, voltage, x):  # type: ignore[no-untyped-def]
+    limit = FIELD_LIMIT * ceramic.layer_thickness
+    front_kernel.run_inverse(state, ceramic, time, p, voltage, x, limit, INVERSE_TOLERANCE)
 
 
 class Compiled(NamedTuple):
@@ -84,12 +97,20 @@ class Compiled(NamedTuple):
 
 CERAMICS = (
     Compiled(Polycrystal, "elements", polycrystal_kernel.Elements, polycrystal_kernel.run, _polycrystal_inverse),
+    Compiled(Front, "fronts", Fronts, front_kernel.run, _front_inverse),
     Compiled(
         Parametrized,
         "material",
         parametrized_branch.Material,
         parametrized_kernel.run,
         parametrized_inverse.run_inverse,
+    ),
+    Compiled(
+        ParametrizedSingle,
+        "material",
+        parametrized_single_branch.Material,
+        parametrized_single_kernel.run,
+        parametrized_single_kernel.run_inverse,
     ),
 )
 """Every ceramic that can be a load; a new one is one entry here."""
@@ -104,7 +125,10 @@ def compiled_form(load: Ferroelectric) -> Any:
     for ceramic in CERAMICS:
         if isinstance(load, ceramic.link):
             return getattr(load, ceramic.attribute)
-    raise BenchError(f"amplifier: '{load.kind}' cannot be its load; use lattice, quadrature or parametrized")
+    raise BenchError(
+        f"amplifier: '{load.kind}' cannot be its load; use lattice, quadrature, front, parametrized or"
+        " parametrized_single"
+    )
 
 
 def ceramic_run(state: Array, ceramic: Any, time: Array, voltage: Array, p: Array, x: Array) -> None:
@@ -142,12 +166,12 @@ def _ceramic_invert(state, ceramic, time, p, voltage, x):  # type: ignore[no-unt
     return invert
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _usable(state: Array, time: float, value: float) -> bool:
     return time >= state[TIME] and math.isfinite(time) and math.isfinite(value)
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _output(state: Array, circuit: Circuit, step: float, demand: float) -> float:
     """What the amplifier puts out for a demand [V], before its load has a say: lag, window, slew limit."""
     if circuit.time_constant > 0.0:
@@ -164,7 +188,7 @@ def _output(state: Array, circuit: Circuit, step: float, demand: float) -> float
     return output
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _demand(state: Array, circuit: Circuit, step: float, output: float) -> float:
     """The demand for which the lag gives `output` [V]; window and slew limit cannot be undone."""
     demand = output
@@ -174,7 +198,7 @@ def _demand(state: Array, circuit: Circuit, step: float, output: float) -> float
     return demand
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_bare(state: Array, circuit: Circuit, time: Array, command: Array, voltage: Array) -> int:
     """Command to output voltage without a load; `state` moves in place. Returns the first unusable sample, else -1."""
     for k in range(time.size):
@@ -185,7 +209,7 @@ def run_bare(state: Array, circuit: Circuit, time: Array, command: Array, voltag
     return -1
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def invert_bare(state: Array, circuit: Circuit, time: Array, voltage: Array, command: Array) -> int:
     """Output voltage wanted to command; otherwise as `run_bare`."""
     for k in range(time.size):
@@ -196,7 +220,7 @@ def invert_bare(state: Array, circuit: Circuit, time: Array, voltage: Array, com
     return -1
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _compensation(state: Array, circuit: Circuit, step: float) -> float:
     """What the computer adds to the drive: the capacitor's voltage as last measured, or led on to this sample [V]."""
     if circuit.compensation == NO_COMPENSATION:
@@ -206,7 +230,7 @@ def _compensation(state: Array, circuit: Circuit, step: float) -> float:
     return state[REFERENCE] + (state[REFERENCE] - state[REFERENCE_BEFORE]) * step / state[STEP]
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _lateness(circuit: Circuit, step: float) -> float:
     """The part of a step's change of U_r that the compensation does not know at its end [-].
 
@@ -218,7 +242,7 @@ def _lateness(circuit: Circuit, step: float) -> float:
     return circuit.period / step if circuit.compensation == LAST else 0.0
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _measured(state: Array, circuit: Circuit, time: float, voltage: float, polarization: float) -> None:
     """Keep what a sample ends with."""
     reference = circuit.elastance * circuit.area * (polarization - state[AT_REST])
@@ -230,7 +254,7 @@ def _measured(state: Array, circuit: Circuit, time: float, voltage: float, polar
     state[VOLTAGE], state[POLARIZATION], state[OUTPUT] = voltage, polarization, voltage + reference
 
 
-@njit(cache=True)
+@njit(**WITHIN)
 def _shared_out(state, elastance, area, ceramic, trial, one, available):  # type: ignore[no-untyped-def]
     """Voltage of the ceramic and its polarization when it shares `available` [V] with a capacitor empty so far.
 
@@ -241,7 +265,7 @@ def _shared_out(state, elastance, area, ceramic, trial, one, available):  # type
     voltage = (available + share * state[VOLTAGE]) / (1.0 + share)
     before, voltage_before = 0.0, 0.0
     for n in range(_MOST_TRIALS):
-        trial[:] = state[HEAD:]
+        copy_onto(trial, state[HEAD:])
         v[0] = voltage
         ceramic_run(trial, ceramic, time, v, p, x)
         taken = elastance * area * (p[0] - state[POLARIZATION])
@@ -256,7 +280,7 @@ def _shared_out(state, elastance, area, ceramic, trial, one, available):  # type
     return voltage, p[0]
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def run_loaded(state, circuit, ceramic, time, command, voltage):  # type: ignore[no-untyped-def]
     """Command to the voltage across the ceramic; `state` moves in place. Returns the first unusable sample, else -1.
 
@@ -280,17 +304,17 @@ def run_loaded(state, circuit, ceramic, time, command, voltage):  # type: ignore
         way = p - state[POLARIZATION]
         if abs(way) * circuit.area > most * step:
             p = state[POLARIZATION] + math.copysign(most * step / circuit.area, way)
-            trial[:] = state[HEAD:]
+            copy_onto(trial, state[HEAD:])
             one[2][0] = p
             ceramic_invert(trial, ceramic, one[0], one[2], one[1], one[3])
             v = one[1][0]
-        state[HEAD:] = trial
+        copy_onto(state[HEAD:], trial)
         _measured(state, circuit, time[k], v, p)
         voltage[k] = v
     return -1
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def invert_loaded(state, circuit, ceramic, time, voltage, command):  # type: ignore[no-untyped-def]
     """Voltage wanted across the ceramic to command; otherwise as `run_loaded`. Limits cannot be undone."""
     p, x = np.empty(1), np.empty(1)
@@ -307,7 +331,7 @@ def invert_loaded(state, circuit, ceramic, time, voltage, command):  # type: ign
     return -1
 
 
-@njit(cache=True)
+@njit(**OUTER)
 def _run_discharge(state, resistance, area, ceramic, time, voltage, polarization):  # type: ignore[no-untyped-def]
     """A resistor R takes in a step h what a capacitor of h/R takes that is empty at each sample's start."""
     trial = np.empty(state.size - HEAD)
@@ -319,7 +343,7 @@ def _run_discharge(state, resistance, area, ceramic, time, voltage, polarization
         if step > 0.0:
             one[0][0] = time[k]
             v, p = _shared_out(state, resistance / step, area, ceramic, trial, one, 0.0)
-            state[HEAD:] = trial
+            copy_onto(state[HEAD:], trial)
             state[TIME], state[VOLTAGE], state[POLARIZATION] = time[k], v, p
         voltage[k], polarization[k] = state[VOLTAGE], state[POLARIZATION]
     return -1

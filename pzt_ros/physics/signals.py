@@ -29,6 +29,7 @@ class Signals:
         phase_fraction: x+ [-]; set by the ferroelectric link.
         displacement: y [m]; true up to the structure, as measured after the sensor's links.
         temperature: [K], where it is known.
+        force: on the stack, where it is known [N].
         strain_polarization: the polarization that strains [C/m^2], where it differs from P.
     """
 
@@ -39,6 +40,7 @@ class Signals:
     displacement: Array = field(default_factory=lambda: ABSENT)
     temperature: Array = field(default_factory=lambda: ABSENT)
     strain_polarization: Array = field(default_factory=lambda: ABSENT)
+    force: Array = field(default_factory=lambda: ABSENT)
 
     @property
     def straining(self) -> Array:

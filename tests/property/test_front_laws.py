@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pzt_ros.physics import front_kernel as kernel
+from pzt_ros.physics import front_memory as kernel
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.signals import Array, Rest, Signals
 

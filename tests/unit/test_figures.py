@@ -9,19 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import special
 from typer.testing import CliRunner
 
 from pzt_ros.cli.app import build
 from pzt_ros.errors import BenchError
-from pzt_ros.figures import full_loops, gallery, one_distribution, optimal_control, polycrystal, relaxation
+from pzt_ros.figures import full_loops, gallery, polycrystal, relaxation
 from pzt_ros.figures.experiments import experiment, mean_gap
 from pzt_ros.figures.gallery import Shown, draw, page, rendered, symbols, write_gallery
-from pzt_ros.figures.loads import NESTED_LOOPS, Load, ramps, respond
+from pzt_ros.figures.loads import NESTED_LOOPS, ramps, respond
 from pzt_ros.figures.table import FIGURES
 from pzt_ros.figures.thesis_figure import Drawing, Finding, below, near
-from pzt_ros.physics.density import Gaussian
-from pzt_ros.physics.single_crystal import SingleCrystal
 from pzt_ros.report.style import DARK, LIGHT
 
 SAMPLES = 40
@@ -103,65 +100,6 @@ def test_gap_between_two_legs_is_that_of_a_known_loop() -> None:
     values = record.field.copy()
     values[record.leg(2).start + 1 :] += 0.02
     assert mean_gap(record, values, 1, 2) == pytest.approx(0.02, rel=0.02)
-
-
-# The parametrized model with one distribution
-
-
-CRYSTAL = SingleCrystal(coercive_field=0.5e6)
-NARROW = 1e11
-
-
-def golden(name: str) -> tuple[Load, np.ndarray]:
-    """Load and x+ of a reference solution."""
-    time, field, x = np.loadtxt(GOLDEN / f"{name}.csv", delimiter=",", skiprows=1, usecols=(0, 1, 2)).T
-    turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(field))) != 0)
-    return Load(time, field / 1e6, (*turns.tolist(), field.size - 1)), x
-
-
-@pytest.mark.parametrize(
-    ("name", "model", "density", "start"),
-    [
-        ("Q4_Ec_only_32", one_distribution.coercive_only, Gaussian(0.5e6, NARROW, lower=0.0), 1.0),
-        ("Q4_Ee_only_32", one_distribution.interaction_only, Gaussian(0.0, NARROW), 0.5),
-    ],
-)
-def test_one_distribution_against_the_reference(name: str, model: object, density: Gaussian, start: float) -> None:
-    """The thesis finds its two versions almost the same (3.3.1, 3.3.2); the reference solves the quadrature."""
-    load, expected = golden(name)
-    x = model(load, CRYSTAL, density, start)  # type: ignore[operator]
-    after = slice(load.ends[0], None)
-    assert np.sqrt(np.mean((x[after] - expected[after]) ** 2)) < 0.05
-
-
-def test_interaction_fields_alone_give_the_gaussian_when_slow() -> None:
-    """Quasi-static major loop: x+ is the share of the domains with E + E_e above E_c, a shifted error function."""
-    cold = dataclasses.replace(CRYSTAL, temperature=1.0)
-    load = ramps([-2.0, 2.0], 100, rate=0.01)
-    x = one_distribution.interaction_only(load, cold, Gaussian(0.0, NARROW), 0.5)
-    up = load.leg(1)
-    expected = 0.5 * special.erfc(-(1e6 * load.field[up] - cold.coercive_field) / np.sqrt(NARROW))
-    assert np.max(np.abs(x[up] - expected)) < 0.04
-
-
-def test_coercive_fields_alone_remember_their_reversals() -> None:
-    """A minor loop closes where it began, and a domain switches back only beyond field 0 (3.23)."""
-    density = Gaussian(0.5e6, NARROW, lower=0.0)
-    load = ramps([2.0, -2.0, 0.5, -0.3, 0.5, 2.0], 100)
-    x = one_distribution.coercive_only(load, CRYSTAL, density, 1.0)
-    plain = ramps([2.0, -2.0, 0.5, 2.0], 100)
-    outer = one_distribution.coercive_only(plain, CRYSTAL, density, 1.0)
-    turn, back = x[load.ends[2]], x[load.ends[4]]
-    assert back == pytest.approx(turn, abs=0.03)  # in the meantime the outer branch has relaxed on a little
-    assert np.max(np.abs(x[load.leg(5)] - outer[plain.leg(3)])[7:]) < 0.002  # 0.1 kV/mm further on that is gone
-    shuttle = load.leg(3)
-    assert abs(np.interp(0.0, -load.field[shuttle], x[shuttle]) - turn) < 0.05
-    assert turn - x[shuttle].min() > 0.1
-
-
-def test_coercive_field_of_chapter_4_is_read_rightly() -> None:
-    """b_1 = 2.0e12: then the end of case 1, x+ = 0.83, needs about the 1.9 MV/m that the text has."""
-    assert one_distribution._coercive(optimal_control.COERCIVE, 0.83) == pytest.approx(1.9e6, rel=0.1)
 
 
 # The page

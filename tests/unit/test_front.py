@@ -9,7 +9,7 @@ import pytest
 from scipy import integrate, special
 
 from pzt_ros.errors import BenchError
-from pzt_ros.physics import front_kernel as kernel
+from pzt_ros.physics import front_memory as kernel
 from pzt_ros.physics.density import Gaussian, Table
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.front_kinetics import attempts
@@ -117,14 +117,14 @@ def test_attempts_are_the_integral_of_the_rate():
         expected = integrate.quad(lambda y: 1 / special.erfcx(y), -np.inf if z < -1 else z - 12, z)[0]
         if z - 12 > -12:
             expected += integrate.quad(lambda y: 1 / special.erfcx(y), -20, z - 12)[0]
-        assert attempts(z) == pytest.approx(expected, rel=1e-7)
+        assert attempts(np.array([z]))[0] == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.parametrize("spreads", [(5e11, 5e11), (1e12, 1e11), (1e10, 1e10)])
 def test_everett_table_against_quadrature(spreads):
     coercive, interaction = Gaussian(5e5, spreads[0], 0.0), Gaussian(0.0, spreads[1])
     table = everett(coercive, interaction)
-    middle = table.values.shape[1] // 2
+    middle = table.values.shape[2] // 2
     for i, j in ((3, -3), (6, 1), (8, -11), (1, -14)):
         u, l = i * table.step, j * table.step  # noqa: E741
         c, m = (u - l) / 2, -(u + l) / 2
@@ -134,11 +134,11 @@ def test_everett_table_against_quadrature(spreads):
             f = lambda x: at(x) * (special.ndtr(high(x) / interaction.sigma) - special.ndtr(low(x) / interaction.sigma))
             return integrate.quad(f, 0, c, points=[min(5e5, c)], epsabs=1e-10)[0]
 
-        got = table.values[:, middle + i, middle + j, 0]
+        got = table.values[0, :, middle + i, middle + j, 0]
         assert got[TRIANGLE] == pytest.approx(share(lambda x, u=u: x - u, lambda x, low=l: -low - x), abs=3e-6)
         assert got[LOWER] == pytest.approx(share(lambda x, u=u: x - u, lambda x, m=m: m), abs=3e-6)
         assert got[UPPER] == pytest.approx(got[TRIANGLE] - got[LOWER], abs=1e-15)
-    assert table.values[TRIANGLE, -1, 0, 0] == pytest.approx(1.0, abs=1e-6)
+    assert table.values[0, TRIANGLE, -1, 0, 0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_table_of_the_gaussian_is_the_gaussian():
