@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from importlib import resources
 from types import TracebackType
 from typing import Any
 
@@ -10,6 +12,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+
+# Announces itself every 0.5 s instead of every 3 s, so that a run that starts soon is heard from its first block.
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(resources.files("pzt_config") / "fastdds.xml")
 
 
 class ForeignNode:
