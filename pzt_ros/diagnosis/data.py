@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
+from pzt_ros.sysid.run import drive_of
 
 Picks = NDArray[np.intp]
 
 FIT, SELECTION, SCORE = "fit", "selection", "score"
-PARTS = (FIT, SELECTION, SCORE)
 
 _MOST = 60_000  # samples of a part that count; of a longer one evenly chosen
 
@@ -39,10 +39,7 @@ class RunData:
     @cached_property
     def signals(self) -> Signals:
         """The drive as it enters the chain."""
-        columns = {"time": self.record.time, "voltage": self.record.voltage}
-        known = {"temperature": self.record.temperature, "force": self.record.force}
-        columns.update({name: values for name, values in known.items() if values is not None})
-        return Signals(**columns)
+        return drive_of(self.record)
 
     @property
     def has_polarization(self) -> bool:

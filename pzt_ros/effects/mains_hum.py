@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from pzt_ros.physics.link import SENSOR, Link, State
+from pzt_ros.effects.added import AddedToReading
+from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
@@ -17,7 +18,7 @@ _SEEN, _TIME, _SIZE = 0, 1, 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class MainsHum(Link):
+class MainsHum(AddedToReading):
     """A tone at the frequency of the mains or its double; time counts from the first sample.
 
     How far the mains is off its nominal frequency is a parameter of its own with narrow bounds: a tone elsewhere is no
@@ -25,7 +26,6 @@ class MainsHum(Link):
     """
 
     kind: ClassVar[str] = "mains_hum"
-    section: ClassVar[str] = SENSOR
 
     frequency: float = parameter(50.0, "Hz", "nominal frequency of the tone", bounds=(1.0, 1e4))
     detuning: float = parameter(0.0, "Hz", "true minus nominal frequency", bounds=(-0.5, 0.5))
@@ -36,17 +36,7 @@ class MainsHum(Link):
         """Whether a sample was seen, and its time [s]."""
         return np.zeros(_SIZE)
 
-    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Displacement without the hum to displacement with it."""
-        after, hum = self._hum(state, signals)
-        return after, signals.replace(displacement=signals.displacement + hum)
-
-    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Displacement wanted to displacement without the hum; exact."""
-        after, hum = self._hum(state, signals)
-        return after, signals.replace(displacement=signals.displacement - hum)
-
-    def _hum(self, state: State, signals: Signals) -> tuple[State, Array]:
+    def _disturbance(self, state: State, signals: Signals) -> tuple[State, Array]:
         after, hum = state.copy(), np.empty_like(signals.time)
         if signals.time.size and after[_SEEN] == 0.0:
             after[_SEEN], after[_TIME] = 1.0, signals.time[0]

@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from pzt_ros.physics.link import SENSOR, Link, State
+from pzt_ros.effects.added import AddedToReading
+from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
@@ -17,7 +18,7 @@ _SEEN, _TIME, _WARM, _TEMPERATURE, _SIZE = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThermalDrift(Link):
+class ThermalDrift(AddedToReading):
     """Added to the displacement: rate * time_constant * (1 - exp(-t/time_constant)) + expansion * (T - T(0)).
 
     One number per run (the rate at its start) and one of the stage (the time constant of its warming up; long against
@@ -26,7 +27,6 @@ class ThermalDrift(Link):
     """
 
     kind: ClassVar[str] = "thermal_drift"
-    section: ClassVar[str] = SENSOR
 
     rate: float = parameter(0.0, "m/s", "rate of the drift at the first sample", bounds=(-1e-3, 1e-3))
     time_constant: float = parameter(1e5, "s", "over which the drift dies out", bounds=(1e-2, 1e6))
@@ -36,17 +36,7 @@ class ThermalDrift(Link):
         """Whether a sample was seen and its time [s]; whether a temperature was seen and which [K]."""
         return np.zeros(_SIZE)
 
-    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Displacement without the drift to displacement with it."""
-        after, drift = self._drift(state, signals)
-        return after, signals.replace(displacement=signals.displacement + drift)
-
-    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Displacement wanted to displacement without the drift; exact."""
-        after, drift = self._drift(state, signals)
-        return after, signals.replace(displacement=signals.displacement - drift)
-
-    def _drift(self, state: State, signals: Signals) -> tuple[State, Array]:
+    def _disturbance(self, state: State, signals: Signals) -> tuple[State, Array]:
         after, drift = state.copy(), np.zeros_like(signals.time)
         if signals.time.size and after[_SEEN] == 0.0:
             after[_SEEN], after[_TIME] = 1.0, signals.time[0]

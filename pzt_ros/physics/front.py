@@ -8,13 +8,14 @@ from typing import ClassVar
 
 from pzt_ros.physics import front_kernel as kernel
 from pzt_ros.physics import front_memory as memory
-from pzt_ros.physics.domains import FIELD_LIMIT, INVERSE_TOLERANCE, Domains
+from pzt_ros.physics.domains import Domains
 from pzt_ros.physics.front_kinetics import front_table
 from pzt_ros.physics.front_shares import Fronts
 from pzt_ros.physics.front_tables import everett
 from pzt_ros.physics.front_thresholds import everett_of
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array
+from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE
 from pzt_ros.quantities import parameter
 
 _shared_table = lru_cache(maxsize=1)(front_table)

@@ -11,7 +11,6 @@ import numpy as np
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics import identified_lattice_kernel as kernel
-from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.identified_hats import (
     Hats,
     hat_sums,
@@ -22,8 +21,8 @@ from pzt_ros.physics.identified_hats import (
     spread_out,
 )
 from pzt_ros.physics.link import State
-from pzt_ros.physics.polycrystal import FIELD_LIMIT, INVERSE_TOLERANCE, QUASI_STATIC_RATE
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import Array, Rest
+from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE, QUASI_STATIC_RATE, Switching
 from pzt_ros.quantities import choice, parameter, table
 
 FIELD_STEP = 0.5
@@ -38,7 +37,7 @@ _DEFAULT_WEIGHTS = tuple(
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifiedLattice(Ferroelectric):
+class IdentifiedLattice(Switching):
     """Voltage to polarization of relays with thermal kinetics on a fine lattice, weighted by coarse hat functions.
 
     The lattice is fine because thermal activation smooths over d only, the hats are coarse because a measurement tells
@@ -155,61 +154,21 @@ class IdentifiedLattice(Ferroelectric):
         spread_out(occupancy, hats_of(self.lines, np.linspace(self.grid[0], self.grid[-1], size)), x)
         return x
 
-    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Voltage [V] to polarization [C/m^2] and phase fraction [-].
+    @property
+    def _state_size(self) -> int:
+        return kernel.HEAD + self.lines.size**2 // 4
 
-        Raises:
-            BenchError: no voltage, a sample that is not finite, time that runs back, a foreign state.
-        """
-        self._check_size("voltage", signals.voltage, signals.time)
-        after = self._own(state)
-        polarization, phase_fraction = self._run(after, signals.time, signals.voltage)
-        return after, signals.replace(polarization=polarization, phase_fraction=phase_fraction)
+    def _compiled_run(
+        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
+    ) -> int:
+        return int(kernel.run(state, self.relays, time, voltage, polarization, phase_fraction))
 
-    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Polarization wanted [C/m^2] to the voltage [V] for which `step` gives it, within +-10 MV/m.
-
-        A sample that asks for no finite polarization keeps the last voltage.
-
-        Raises:
-            BenchError: no polarization, time that runs back, a foreign state.
-        """
-        self._check_size("polarization", signals.polarization, signals.time)
-        after = self._own(state)
-        voltage, phase_fraction = np.empty(signals.time.size), np.empty(signals.time.size)
+    def _compiled_inverse(
+        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
+    ) -> int:
         limit = FIELD_LIMIT * self.layer_thickness
-        bad = kernel.run_inverse(
-            after, self.relays, signals.time, signals.polarization, voltage, phase_fraction, limit, INVERSE_TOLERANCE
+        return int(
+            kernel.run_inverse(
+                state, self.relays, time, polarization, voltage, phase_fraction, limit, INVERSE_TOLERANCE
+            )
         )
-        if bad >= 0:
-            raise BenchError(
-                f"{self.kind}: time {signals.time[bad]:.9g} s at sample {bad} is not after the one before; sort it"
-            )
-        return after, signals.replace(voltage=voltage, phase_fraction=phase_fraction)
-
-    def _check_size(self, name: str, values: Array, time: Array) -> None:
-        """The compiled loops do not look where they read."""
-        if values.size != time.size:
-            raise BenchError(
-                f"{self.kind}: the block has {values.size} values of {name} for {time.size} times;"
-                f" put a link or a record that gives {name} before this one"
-            )
-
-    def _own(self, state: State) -> State:
-        """A copy of a state that fits this link."""
-        size = kernel.HEAD + self.lines.size**2 // 4
-        if state.size != size:
-            raise BenchError(
-                f"{self.kind}: the state has {state.size} numbers, this model has {size}; start from init()"
-            )
-        return state.copy()
-
-    def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
-        polarization, phase_fraction = np.empty(time.size), np.empty(time.size)
-        bad = kernel.run(state, self.relays, time, voltage, polarization, phase_fraction)
-        if bad >= 0:
-            raise BenchError(
-                f"{self.kind}: sample {bad} ({time[bad]:.9g} s, {voltage[bad]:.6g} V) is not finite, beyond"
-                " 1 GV/m, or not after the one before; drop or sort it"
-            )
-        return polarization, phase_fraction

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,20 +12,19 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics import parametrized_branch as branch
 from pzt_ros.physics import parametrized_inverse as inverse
 from pzt_ros.physics import parametrized_kernel as kernel
-from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.one_equation import OneEquation, decaying_drive
+from pzt_ros.physics.signals import Array, Rest
 from pzt_ros.quantities import choice, parameter
 
 _PRERUN_SAMPLES = 100_001
 _PRERUN_ACCURACY = 1e-8
-_RAMP_TO_REST = 1.0
 _FARTHEST_TAIL = 14.0  # erfc(14) = 5e-87; the integration was tried out to there
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parametrized(Ferroelectric):
+class Parametrized(OneEquation):
     """Voltage to polarization by one ODE with return-point memory, events located exactly (3.34, 3.35).
 
     The barrier is exact in both tails and the branches turn and close where the equations say, inside a sample step if
@@ -148,41 +146,10 @@ class Parametrized(Ferroelectric):
         """
         self._check_tails()
         state = _after_history(self).copy()
-        if rest.voltage != 0.0:
-            end = state[branch.TIME] + _RAMP_TO_REST
-            self._run(state, np.array([end]), np.array([float(rest.voltage)]))
+        self._ramp_to(state, rest.voltage)
         state[branch.TIME] = rest.time
         state[[branch.RATE, branch.PAST, branch.REVERSALS, branch.CLOSURES]] = 0.0
         return state
-
-    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Polarization and phase fraction at the samples; the field is linear between them, however far apart.
-
-        A sample at the time of the last one is a jump of the field.
-
-        Raises:
-            BenchError: a time or voltage is missing or no finite number.
-        """
-        voltage = _finite(signals.voltage, signals.time.size, "voltage", "V")
-        after = state.copy()
-        p, x = self._run(after, _finite(signals.time, signals.time.size, "time", "s"), voltage)
-        return after, signals.replace(polarization=p, phase_fraction=x)
-
-    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Voltage, linear between samples, with which `step` gives the polarization asked for at the samples.
-
-        The field stays within +-10 MV/m; a target that is no number keeps the voltage where it was.
-
-        Raises:
-            BenchError: a time or the polarization is missing, or a time is no finite number.
-        """
-        if signals.polarization.size != signals.time.size:
-            raise BenchError("parametrized: the block has no polarization to invert; set it before calling invert")
-        time = _finite(signals.time, signals.time.size, "time", "s")
-        target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
-        after, voltage, x = state.copy(), np.empty(time.size), np.empty(time.size)
-        inverse.run_inverse(after, self.material, time, target, voltage, x)
-        return after, signals.replace(voltage=voltage, phase_fraction=x)
 
     def _check_tails(self) -> None:
         for name in ("ascending", "descending"):
@@ -194,21 +161,15 @@ class Parametrized(Ferroelectric):
                     f" {_FARTHEST_TAIL:.3g}; lower saturation_barrier or raise shape_{name} or barrier_{name}"
                 )
 
-    def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
-        p, x = np.empty(time.size), np.empty(time.size)
-        kernel.run(state, self.material, time, voltage, p, x)
-        return p, x
+    def _compiled_run(
+        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
+    ) -> None:
+        kernel.run(state, self.material, time, voltage, polarization, phase_fraction)
 
-
-def _finite(values: Array, count: int, name: str, unit: str) -> Array:
-    if values.size != count:
-        raise BenchError(f"parametrized: the block has {count} samples, but {values.size} of {name}; give one for each")
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    # A sum is four times as fast as a look at each number, and no sum of volts or seconds overflows.
-    if not math.isfinite(array.sum()):
-        first = int(np.argmin(np.isfinite(array)))
-        raise BenchError(f"parametrized: {name} is {array[first]} {unit} at sample {first}; give finite numbers")
-    return array
+    def _compiled_inverse(
+        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
+    ) -> None:
+        inverse.run_inverse(state, self.material, time, polarization, voltage, phase_fraction)
 
 
 @functools.lru_cache(maxsize=64)
@@ -217,8 +178,7 @@ def _after_history(link: Parametrized) -> State:
     material = link.material._replace(accuracy=min(link.accuracy, _PRERUN_ACCURACY))
     state = branch.fresh_state(material, float(link.saturation_barrier))
     if link.start == "virgin":
-        time = np.linspace(0.0, 1.0, _PRERUN_SAMPLES)
-        voltage = link.virgin_amplitude * np.sin(20 * np.pi * time) * (1 - time) * link.layer_thickness
+        time, voltage = decaying_drive(link.virgin_amplitude, link.layer_thickness, _PRERUN_SAMPLES)
         kernel.run(state, material, time, voltage, np.empty_like(time), np.empty_like(time))
     state.flags.writeable = False
     return state

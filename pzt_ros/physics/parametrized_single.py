@@ -9,17 +9,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from pzt_ros.errors import BenchError
 from pzt_ros.physics import parametrized_single_branch as branch
 from pzt_ros.physics import parametrized_single_kernel as kernel
-from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.one_equation import OneEquation, decaying_drive
+from pzt_ros.physics.signals import Array, Rest
 from pzt_ros.quantities import choice, parameter
 
 _PRERUN_SAMPLES = 20_001
-_RAMP_TO_REST = 1.0
 
 _DISTRIBUTIONS = {
     "coercive": branch.COERCIVE,
@@ -29,7 +27,7 @@ _DISTRIBUTIONS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ParametrizedSingle(Ferroelectric):
+class ParametrizedSingle(OneEquation):
     """Voltage to polarization by one ODE whose barrier follows what has switched, along one distribution.
 
     coercive: the barrier starts from 0 where the field passes 0 and rises to E_c(x+) (3.23); x+ at these points is
@@ -134,58 +132,19 @@ class ParametrizedSingle(Ferroelectric):
     def init(self, rest: Rest) -> State:
         """The state before the run and, if the rest voltage is not 0, a ramp to it within 1 s."""
         state = _before(self).copy()
-        if rest.voltage != 0.0:
-            end = state[branch.TIME] + _RAMP_TO_REST
-            self._run(state, np.array([end]), np.array([float(rest.voltage)]))
+        self._ramp_to(state, rest.voltage)
         state[branch.TIME] = rest.time
         return state
 
-    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Polarization and phase fraction at the samples; the field is linear between them, however far apart.
+    def _compiled_run(
+        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
+    ) -> None:
+        kernel.run(state, self.material, time, voltage, polarization, phase_fraction)
 
-        A sample at the time of the last one is a jump of the field.
-
-        Raises:
-            BenchError: a time or voltage is missing or no finite number.
-        """
-        time, after = _finite(signals.time, signals.time.size, "time", "s"), state.copy()
-        p, x = self._run(after, time, _finite(signals.voltage, time.size, "voltage", "V"))
-        return after, signals.replace(polarization=p, phase_fraction=x)
-
-    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Voltage, linear between samples, with which `step` gives the polarization asked for at the samples.
-
-        The field stays within +-10 MV/m; a target that is no number keeps the voltage where it was.
-
-        Raises:
-            BenchError: a time or the polarization is missing, or a time is no finite number.
-        """
-        time, after = _finite(signals.time, signals.time.size, "time", "s"), state.copy()
-        target = np.ascontiguousarray(_one_each(signals.polarization, time.size, "polarization"), dtype=np.float64)
-        voltage, x = np.empty(time.size), np.empty(time.size)
-        kernel.run_inverse(after, self.material, time, target, voltage, x)
-        return after, signals.replace(voltage=voltage, phase_fraction=x)
-
-    def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
-        p, x = np.empty(time.size), np.empty(time.size)
-        kernel.run(state, self.material, time, voltage, p, x)
-        return p, x
-
-
-def _one_each(values: Array, count: int, name: str) -> Array:
-    if values.size != count:
-        raise BenchError(
-            f"parametrized_single: the block has {count} samples, but {values.size} of {name}; give one for each"
-        )
-    return values
-
-
-def _finite(values: Array, count: int, name: str, unit: str) -> Array:
-    array = np.ascontiguousarray(_one_each(values, count, name), dtype=np.float64)
-    if not math.isfinite(array.sum()):
-        first = int(np.argmin(np.isfinite(array)))
-        raise BenchError(f"parametrized_single: {name} is {array[first]} {unit} at sample {first}; give finite numbers")
-    return array
+    def _compiled_inverse(
+        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
+    ) -> None:
+        kernel.run_inverse(state, self.material, time, polarization, voltage, phase_fraction)
 
 
 @functools.lru_cache(maxsize=64)
@@ -196,8 +155,7 @@ def _before(link: ParametrizedSingle) -> State:
     else:
         state = branch.fresh_state(link.material, 1.0 if link.start == "positive" else 0.0)
     if link.start == "virgin" and link.distribution == "coercive":
-        time = np.linspace(0.0, 1.0, _PRERUN_SAMPLES)
-        voltage = link.virgin_amplitude * np.sin(20 * np.pi * time) * (1 - time) * link.layer_thickness
+        time, voltage = decaying_drive(link.virgin_amplitude, link.layer_thickness, _PRERUN_SAMPLES)
         kernel.run(state, link.material, time, voltage, np.empty_like(time), np.empty_like(time))
         state[branch.FIELD] = 0.0  # the drive ends at 0 to rounding
         branch.refresh(state, link.material)

@@ -10,12 +10,10 @@ import numpy as np
 
 from pzt_ros.physics import polycrystal_kernel as kernel
 from pzt_ros.physics.density import Nodes
-from pzt_ros.physics.domains import FIELD_LIMIT as FIELD_LIMIT
-from pzt_ros.physics.domains import INVERSE_TOLERANCE as INVERSE_TOLERANCE
-from pzt_ros.physics.domains import QUASI_STATIC_RATE as QUASI_STATIC_RATE
 from pzt_ros.physics.domains import Domains
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array
+from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE
 from pzt_ros.quantities import choice
 
 METHODS = {"collocation": kernel.COLLOCATION, "midpoint": kernel.MIDPOINT}

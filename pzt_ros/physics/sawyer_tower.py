@@ -25,7 +25,6 @@ from pzt_ros.physics import (
     polycrystal_kernel,
 )
 from pzt_ros.physics.compiling import OUTER, WITHIN, copy_onto
-from pzt_ros.physics.domains import FIELD_LIMIT, INVERSE_TOLERANCE
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.front_shares import Fronts
@@ -34,6 +33,7 @@ from pzt_ros.physics.parametrized import Parametrized
 from pzt_ros.physics.parametrized_single import ParametrizedSingle
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
+from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE
 
 NO_COMPENSATION, LAST, EXTRAPOLATED = 0, 1, 2
 

@@ -111,7 +111,7 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
     wanted[picks] = True
     for low in range(0, end, CHUNK):
         part = slice(low, min(low + CHUNK, end))
-        state, out = chain.step(state, _drive(record, part))
+        state, out = chain.step(state, drive_of(record, part))
         kept.append(_pick(out, wanted[part]))
     return _joined(kept, chain, start.offset)
 
@@ -136,8 +136,8 @@ def with_own_values(chain: Chain, start: Start) -> Chain:
         ) from None
 
 
-def _drive(record: Record, part: slice) -> Signals:
-    """What enters the chain."""
+def drive_of(record: Record, part: slice = slice(None)) -> Signals:
+    """What enters the chain: the recorded voltage, and temperature and force where they are known."""
     signals = Signals(time=record.time[part], voltage=record.voltage[part])
     known = {"temperature": record.temperature, "force": record.force}
     return signals.replace(**{name: values[part] for name, values in known.items() if values is not None})
