@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate
+from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Signals
@@ -49,7 +50,7 @@ class DeclaredHysteresis:
         self.upper = np.array([each.bounds[1] for each in coordinates])
         self.records, self.starts = tuple(records), tuple(starts)
         self._differences = [np.zeros(len(record)) for record in records]
-        self._known: dict[bytes, list[Array]] = {}
+        self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)
 
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> DeclaredHysteresis:
         """A copy that agrees with the model at a vector, for the runs whose voltage is given."""
@@ -69,11 +70,7 @@ class DeclaredHysteresis:
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         """P of each run whose voltage is given [C/m^2]; what was computed lately is not computed again."""
         key = vector.tobytes() + b"".join(voltage.tobytes() for voltage in voltages)
-        if key not in self._known:
-            while len(self._known) >= _REMEMBERED:
-                self._known.pop(next(iter(self._known)))
-            self._known[key] = self._all(vector, voltages)
-        return self._known[key]
+        return self._known.get(key, lambda: self._all(vector, voltages))
 
     def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         """P of each run and how it changes with each parameter, by differences."""

@@ -15,6 +15,7 @@ import numpy as np
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.identified_hats import node_count
@@ -49,7 +50,7 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         found = copy.copy(self)
         polarizations, columns = IdentifiedHysteresis.tangent(self, vector, voltages)
         found._at = (vector.copy(), list(voltages), polarizations, columns)
-        found._known = {}
+        found._known = Remembered(_REMEMBERED)
         return found
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
@@ -74,15 +75,11 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         vector, voltages, polarizations, _ = self._at
         if voltage is voltages[number] or np.array_equal(voltage, voltages[number]):
             return polarizations[number]
-        key = voltage.tobytes()
-        if key not in self._known:
-            while len(self._known) >= _REMEMBERED:
-                self._known.pop(next(iter(self._known)), None)
-            alone = [voltage if other == number else np.empty(0) for other in range(len(voltages))]
-            self._known[key] = IdentifiedHysteresis.polarization(self, vector, alone)[0]
-        return self._known[key]
+        alone = [voltage if other == number else np.empty(0) for other in range(len(voltages))]
+        key = b"%d " % number + voltage.tobytes()  # two runs may have one drive and other starts
+        return self._known.get(key, lambda: IdentifiedHysteresis.polarization(self, vector, alone)[0])
 
-    _known: dict[bytes, Array]
+    _known: Remembered[Array]
 
     def start_of(self, vector: Array, number: int) -> Start:
         """The occupancy that was fitted, or its own initial state."""
