@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -16,12 +15,11 @@ from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.front import Front
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.strain import Electrostriction
-from pzt_ros.quantities import parameters_of
+from pzt_ros.physics.surrogate import ACCURACY, surrogate_of, with_surrogate
 from pzt_ros.sysid.parameters import free_parameters, without_noise
 from pzt_ros.sysid.run import Start
 from pzt_ros.sysid.start import CountedPart, settle
@@ -31,7 +29,6 @@ _SCALE = "domain_polarization"
 
 _CLEAN = 1.1
 _SEARCHED = 4_000  # samples that a search for histories looks at
-_COARSE_ACCURACY = 1e-4
 _THICKNESS = 1e-4
 _ACTIVE_LENGTH = 8e-3
 
@@ -84,22 +81,11 @@ def _ceramic_of(chain: Chain) -> Ferroelectric:
     raise BenchError(f"{chain.name}: no link for the ceramic; add one such as 'link: lattice'")
 
 
-def _fast(model: Ferroelectric) -> Ferroelectric:
-    """Two fronts in place of many domains: a twentieth of the time, and near enough to start from."""
-    if not isinstance(model, Polycrystal):
-        return model
-    shared = [name for name in parameters_of(Front) if name in parameters_of(model)]
-    values: dict[str, Any] = {name: getattr(model, name) for name in shared}
-    values["accuracy"] = _COARSE_ACCURACY
-    tables = {name: getattr(model, name) for name in ("coercive_density", "interaction_density", "threshold_density")}
-    return Front(**values, **tables)
-
-
 def _coarse(model: Ferroelectric) -> Ferroelectric:
     """The same with an integration as exact as a measurement can tell: 2e-6 of x+."""
     if not isinstance(model, Polycrystal):
         return model
-    return dataclasses.replace(model, accuracy=max(model.accuracy, _COARSE_ACCURACY), method="midpoint")
+    return dataclasses.replace(model, accuracy=max(model.accuracy, ACCURACY), method="midpoint")
 
 
 def _coordinates(chain: Chain, with_polarization: bool) -> list[tuple[Link, Coordinate]]:
@@ -126,7 +112,7 @@ def _solved(
 ) -> Hypothesis:
     own = [each for link, each in coordinates if isinstance(link, Ferroelectric)]
     others = tuple(each for link, each in coordinates if not isinstance(link, Ferroelectric))
-    ceramic = DeclaredHysteresis(model, _fast(model), own, [run.record for run in runs], starts)
+    ceramic = DeclaredHysteresis(model, surrogate_of(model), own, [run.record for run in runs], starts)
     replaced = chain.with_links(lambda link: model if isinstance(link, Ferroelectric) else link)
     staged = Staged(replaced, ceramic, runs, others)
     return fitted(staged, staged.start if vector is None else vector, most_steps=40)
@@ -143,6 +129,4 @@ def _history(found: Hypothesis, number: int, progress: Progress) -> Start:
     if FIT in run.picks:
         jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
         tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED)]
-    chain = found.staged.chain_at(found.vector, number)
-    quick = chain.with_links(lambda link: _fast(link) if isinstance(link, Polycrystal) else link)
-    return settle(quick, part, tangent=tangent)
+    return settle(with_surrogate(found.staged.chain_at(found.vector, number)), part, tangent=tangent)

@@ -30,7 +30,7 @@ from pzt_ros.sysid.run import Start
 
 _STEPS = 4
 _ROTATIONS = (0.0, 1.0)
-_REMEMBERED = 6  # polarizations at other voltages
+_REMEMBERED = 12  # polarizations at other voltages and vectors
 _TYPICAL_POLARIZATION = 0.25
 
 
@@ -58,9 +58,7 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         if self._at is None:
             return super().polarization(vector, voltages)
         asked = [number for number, voltage in enumerate(voltages) if voltage.size]
-        step = vector - self._at[0]
-        moved = [self._at[3][number] @ step for number in asked]
-        return [self._here(number, voltages[number]) + m for number, m in zip(asked, moved, strict=True)]
+        return [self._here(number, voltages[number]) + self._moved(number, vector) for number in asked]
 
     def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Any]]:
         """P of each run whose voltage is given and how it changes with every unknown."""
@@ -68,6 +66,13 @@ class FlexibleHysteresis(IdentifiedHysteresis):
             return super().tangent(vector, voltages)
         columns = [self._at[3][number] for number, voltage in enumerate(voltages) if voltage.size]
         return self.polarization(vector, voltages), columns
+
+    def _moved(self, number: int, vector: Array) -> Array:
+        """How P of a run changes on the way to a vector; in float32, as the tangent: 1e-7 of a small step."""
+        assert self._at is not None
+        at, columns = self._at[0], self._at[3][number]
+        key = b"moved %d " % number + vector.tobytes()
+        return self._known.get(key, lambda: (columns @ (vector - at).astype(columns.dtype)).astype(float))
 
     def _here(self, number: int, voltage: Array) -> Array:
         """P of a run where the tangent was taken, at a voltage that may be another."""

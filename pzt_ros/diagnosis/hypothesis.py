@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,7 +55,7 @@ class Hypothesis:
 
     Attributes:
         staged: the model.
-        solution: of the fit; its vector has the values of the runs that chose nothing of the fit added.
+        solution: of the fit, without its Jacobians; its vector lacks what `vector` has of the test runs.
         vector: the solution's, with what belongs to each test run alone fitted to its selection part.
         effects: names, in the order of adding.
     """
@@ -64,6 +64,11 @@ class Hypothesis:
     solution: Solution
     vector: Array
     effects: tuple[str, ...] = ()
+
+    @property
+    def jacobians(self) -> list[Array]:
+        """Of the runs that were fitted, where the fit ended; too large to be kept for every candidate."""
+        return self.staged.linearise(self.solution.vector)[1]
 
     @cached_property
     def selection_residuals(self) -> list[Array]:
@@ -101,7 +106,7 @@ def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_ste
     low, high = staged.bounds
     solution = solve(staged, start, low, high, most_steps=most_steps, tolerance=1e-5, prior=staged.prior)
     vector = _with_own_values(staged, solution.vector)
-    return Hypothesis(staged, solution, vector, effects)
+    return Hypothesis(staged, replace(solution, jacobians=[]), vector, effects)
 
 
 def exact(found: Hypothesis) -> Hypothesis:

@@ -80,14 +80,14 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
 def estimates(hypothesis: Hypothesis) -> dict[str, dict[str, Any]]:
     """Value, standard error and unit [SI] of every parameter of the stage; an error is null where nothing tells it."""
     staged, solution = hypothesis.staged, hypothesis.solution
-    covariance, undetermined = parameter_covariance(solution.jacobians, solution.residuals)
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     coordinates = (*getattr(staged.ceramic, "coordinates", ()), *staged.coordinates)
     first = staged.start.size - len(coordinates)
+    covariance, undetermined = parameter_covariance(hypothesis.jacobians, solution.residuals, slice(first, None))
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found = {}
-    for place, each in enumerate(coordinates, start=first):
+    for place, each in enumerate(coordinates):
         if each.run is None:
-            value = each.si(float(solution.vector[place]))
+            value = each.si(float(solution.vector[first + place]))
             known = not undetermined[place] and std[place] > 0.0
             error = float(std[place]) * abs(each.slope(value)) if known else None
             found[each.name] = {"value": value, "std": error, "unit": each.unit}

@@ -52,7 +52,7 @@ class Screen:
         self._choosing = [r for r, run in enumerate(staged.runs) if SELECTION in run.picks]
         self._residual = np.concatenate(hypothesis.solution.residuals)
         self._left = np.concatenate(hypothesis.selection_residuals) if self._choosing else np.zeros(0)
-        self._jacobian = np.vstack(hypothesis.solution.jacobians)
+        self._jacobian = np.vstack(hypothesis.jacobians)
         self._ahead = self._selection_jacobian()
         self._rows, _ = staged.prior
         self._length = np.linalg.norm(self._jacobian, axis=0) + 1e-300

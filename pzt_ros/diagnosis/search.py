@@ -16,6 +16,7 @@ from pzt_ros.errors import BenchError
 
 _REFIT_STEPS = 12
 _WORKERS = 2
+_RIVAL = 0.6  # of the best one's gain
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,7 @@ class Search:
                 )
         with ThreadPoolExecutor(_WORKERS) as pool:
             found = [c for c in pool.map(lambda p: self._refitted(before, p), worth[: self.thresholds.refits]) if c]
+            found = list(pool.map(_exact, found, [_rivals_best(c, found) for c in found]))
         return tuple(sorted(found, key=lambda c: c.after.total)), refused
 
     def _why_not(self, effect: Effect, before: Hypothesis) -> str:
@@ -197,7 +199,7 @@ class Search:
         name = prospect.effect.name
         self.progress(f"refitting with {name}" + _beside(before.effects))
         try:
-            after = exact(fitted(prospect.staged, prospect.start, (*before.effects, name), _REFIT_STEPS))
+            after = fitted(prospect.staged, prospect.start, (*before.effects, name), _REFIT_STEPS)
         except BenchError:
             return None
         return Candidate(name, before, after)
@@ -239,6 +241,17 @@ class Search:
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
+
+
+def _rivals_best(candidate: Candidate, found: Sequence[Candidate]) -> bool:
+    """Whether it gains so much of what the best gains that a ceramic that is exact could put it first."""
+    before = candidate.before.total
+    most = max(before - other.after.total for other in found)
+    return before - candidate.after.total >= _RIVAL * most
+
+
+def _exact(candidate: Candidate, asked: bool) -> Candidate:
+    return replace(candidate, after=exact(candidate.after)) if asked else candidate
 
 
 def _beside(effects: Sequence[str]) -> str:

@@ -243,7 +243,7 @@ def _work(el):  # type: ignore[no-untyped-def]
     return np.zeros((8, el.forward.size))
 
 
-@njit(**OUTER, error_model="numpy")
+@njit(**OUTER, error_model="numpy", nogil=True)
 def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore[no-untyped-def]
     """Step through a block; `state` moves in place, the last two arrays are filled.
 
@@ -264,7 +264,7 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
     return -1
 
 
-@njit(**OUTER, error_model="numpy")
+@njit(**OUTER, error_model="numpy", nogil=True)
 def run_inverse(state, el, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
     """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
 

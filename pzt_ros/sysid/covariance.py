@@ -20,7 +20,7 @@ _matmul_toeplitz: Any = linalg.matmul_toeplitz  # SciPy carries no types
 
 _WINDOW = 5.0  # correlation times over which the autocovariance is believed (Sokal's rule)
 _LARGEST_SHARE = 0.1  # of a run: longer lags have too few pairs
-_INDISTINCT = 1e-6  # singular value, relative, below which a direction is not determined
+INDISTINCT = 1e-6  # singular value, relative, below which a direction is not determined
 
 
 def autocovariance(residual: Array) -> Array:
@@ -67,33 +67,42 @@ def effective_samples(residual: Array) -> float:
     return residual.size / correlation_length(residual)
 
 
-def parameter_covariance(jacobians: Sequence[Array], residuals: Sequence[Array]) -> tuple[Array, Array]:
+def remembered(residual: Array, columns: Array) -> Array:
+    """C times columns [m^2, shape (n,) or (n, p)], C the covariance matrix of a stationary residual."""
+    first_row = np.zeros(residual.size)
+    known = windowed_autocovariance(residual)
+    first_row[: known.size] = known
+    product: Array = _matmul_toeplitz(first_row, columns)
+    return product
+
+
+def parameter_covariance(
+    jacobians: Sequence[Array], residuals: Sequence[Array], places: slice = slice(None)
+) -> tuple[Array, Array]:
     """Covariance of the parameters, and which of them the data do not determine.
 
     Args:
         jacobians: of each run, d(residual)/d(parameter), offset already taken out [each shape (n, p)].
         residuals: of each run [each shape (n,)].
+        places: the q parameters that are asked for; the others are free beside them.
 
     Returns:
-        Covariance [shape (p, p)], and True where a parameter is not determined [shape (p,)].
+        Covariance [shape (q, q)], and True where a parameter is not determined [shape (q,)].
     """
     whole = np.vstack(jacobians)
     n, p = whole.shape
     size = np.linalg.norm(whole, axis=0)
     size[size == 0.0] = 1.0
     u, s, vt = np.linalg.svd(whole / size, full_matrices=False)
-    sound = s > _INDISTINCT * s[0]
-    undetermined: Array = np.any(np.abs(vt[~sound]) > 0.1, axis=0)
-    gain = (vt[sound].T / s[sound]) @ u[:, sound].T / size[:, None]
-    covariance = np.zeros((p, p))
+    sound = s > INDISTINCT * s[0]
+    undetermined: Array = np.any(np.abs(vt[~sound][:, places]) > 0.1, axis=0)
+    gain = (vt[sound][:, places].T / s[sound]) @ u[:, sound].T / size[places, None]
+    covariance = np.zeros((len(gain), len(gain)))
     row = 0
     for jacobian, residual in zip(jacobians, residuals, strict=True):
         part = gain[:, row : row + len(jacobian)]
         row += len(jacobian)
-        first_row = np.zeros(residual.size)
-        known = windowed_autocovariance(residual)
-        first_row[: known.size] = known
-        covariance += part @ _matmul_toeplitz(first_row, part.T)
+        covariance += part @ remembered(residual, part.T)
     spent = p + len(residuals)  # the offsets were fitted, too
     symmetric = 0.5 * (covariance + covariance.T)
     return symmetric * (n / max(1, n - spent)), undetermined

@@ -114,7 +114,8 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     counted = counted_part(record, part, _MOST_TO_SETTLE)
     if base.occupancy:  # a grid of occupancies tells more than prior reversals could
         return with_offset(model, counted, with_own_values_fitted(model, counted, base, own)), rule
-    return with_offset(model, counted, with_own_values_fitted(model, counted, settle(model, counted, base), own)), rule
+    settled = settle(model, counted, base, noise=noise_floor(record.displacement).rms)
+    return with_offset(model, counted, with_own_values_fitted(model, counted, settled, own)), rule
 
 
 def with_own_values_fitted(chain: Chain, part: CountedPart, start: Start, names: Sequence[str]) -> Start:

@@ -19,6 +19,7 @@ from scipy import optimize
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
+from pzt_ros.physics.surrogate import with_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.run import Span, Start, free_run, rms, typical_leg
@@ -29,6 +30,7 @@ LONGEST = 2
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
 _LEVELS = 7
+_CLEAN = 1.05  # rms over noise
 _REFINED = 4
 PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
@@ -76,8 +78,12 @@ def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
     return [Start(leg=leg)] + [_best_of_grid(misfit, part.record, count, leg)[0] for count in range(1, LONGEST + 1)]
 
 
-def settle(chain: Chain, part: CountedPart, base: Start | None = None, tangent: Array | None = None) -> Start:
+def settle(
+    chain: Chain, part: CountedPart, base: Start | None = None, tangent: Array | None = None, noise: float = 0.0
+) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
+
+    Histories are looked for with the chain's surrogate and judged with the chain itself.
 
     Args:
         chain: with its parameters fixed.
@@ -85,8 +91,11 @@ def settle(chain: Chain, part: CountedPart, base: Start | None = None, tangent: 
         base: history to start from; one without prior reversals where None.
         tangent: how the counted samples change with the parameters [shape (n, p)]; a history is then judged by what is
             left when the parameters adapt to it, or those fitted to a wrong history would defend it.
+        noise: of the displacement [m]; a history that leaves no more than that is not questioned.
     """
     misfit = _misfit_of(chain, part, tangent=tangent)
+    quick = with_surrogate(chain)
+    searched = misfit if quick is chain else _misfit_of(quick, part, tangent=tangent)
     leg = typical_leg(part.record)
     best = replace(base, offset=0.0) if base else Start(leg=leg)
     low, high = voltage_bounds(part.record)
@@ -94,7 +103,9 @@ def settle(chain: Chain, part: CountedPart, base: Start | None = None, tangent: 
         return with_offset(chain, part, best)
     best_residual = misfit(best)
     for count in range(1, LONGEST + 1):
-        start = _refined(misfit, _best_of_grid(misfit, part.record, count, leg), part.record)
+        if rms(best_residual) <= _CLEAN * noise:
+            break
+        start = _refined(searched, _best_of_grid(searched, part.record, count, leg), part.record)
         residual = misfit(start)
         if _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
             best, best_residual = start, residual

@@ -1,0 +1,32 @@
+"""The front model in place of a polycrystal: a twentieth of the time, and near enough to search with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.front import Front
+from pzt_ros.physics.polycrystal import Polycrystal
+from pzt_ros.quantities import parameters_of
+
+ACCURACY = 1e-4
+"""Asked of a surrogate's integration; its own distance from the polycrystal is larger."""
+
+_TABLES = ("coercive_density", "interaction_density", "threshold_density")
+
+
+def surrogate_of(model: Ferroelectric) -> Ferroelectric:
+    """Two thermal fronts with the parameters of a polycrystal; any other model as it is."""
+    if not isinstance(model, Polycrystal):
+        return model
+    shared = [name for name in parameters_of(Front) if name in parameters_of(model)]
+    values: dict[str, Any] = {name: getattr(model, name) for name in (*shared, *_TABLES)}
+    return Front(**{**values, "accuracy": ACCURACY})
+
+
+def with_surrogate(chain: Chain) -> Chain:
+    """The chain with a surrogate of its ceramic; the same chain where none is faster."""
+    if not any(isinstance(link, Polycrystal) for link in chain.links):
+        return chain
+    return chain.with_links(lambda link: surrogate_of(link) if isinstance(link, Ferroelectric) else link)
