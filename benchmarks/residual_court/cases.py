@@ -170,7 +170,7 @@ def _confounded(count: int, seed: int) -> Iterator[Spec]:
         constant = float(rng.uniform(4.0, 10.0))
         shapes = {
             "slow_relaxation": (("states", 1.0), ("shortest_time", constant), ("longest_time", constant)),
-            "thermal_drift": (("kind", 1.0), ("time_constant", constant)),
+            "thermal_drift": (("kind", 1.0), ("time_constant", constant), ("steady", 1.0)),
         }
         for effect, shape in shapes.items():
             for size in (3.0, 10.0):

@@ -90,9 +90,12 @@ class ThermalDrift(Effect):
         return self.shape["kind"] == 3
 
     def act(self, run: Run, values: Array) -> Array:
-        """Amplitude is the drift over 30 s, or over 1 K [m]; without a temperature no two runs drift alike."""
+        """Amplitude is the drift over 30 s, or over 1 K [m]; without a temperature no two runs drift alike.
+
+        Unless it is steady: what drifts alike in every run is what creep can be taken for.
+        """
         kind, rng = self.shape["kind"], run.rng("drift")
-        pace = rng.uniform(0.6, 1.4) if kind < 3 else 1.0
+        pace = rng.uniform(0.6, 1.4) if kind < 3 and not self.shape.get("steady") else 1.0
         if kind == 0:
             course = run.time / 30.0
         elif kind == 1:

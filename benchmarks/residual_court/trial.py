@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from pzt_ros.chains import load_chain, save_chain
+from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.records import read_csv
 from pzt_ros.sysid.predict import predict
 
@@ -47,11 +48,9 @@ class TooSlow(Exception):  # noqa: N818 - no error of the case
 def library_diagnosis(files: CaseFiles, out: Path) -> None:
     """What `pzt diagnose` does, without the page."""
     chain = load_chain(files.declared) if files.declared else None
-    report = diagnose([read_csv(path) for path in files.train], [read_csv(path) for path in files.test], chain)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "report.json").write_text(json.dumps(report.as_data()), encoding="utf-8")
-    save_chain(report.baseline, out / "baseline.yaml")
-    save_chain(report.model, out / "model.yaml")
+    train, test = ([read_csv(path) for path in paths] for paths in (files.train, files.test))
+    report = diagnose(train, test, chain, workers=IN_THIS_PROCESS)  # other cases are tried beside it
+    report.save_data(out)
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,7 @@ class Trial:
         )
         if found.verdict == RIGHT:
             found = replace(found, parameters=tuple(_covered(case, report)))
-        if found.groups and (out / NEXT_DRIVE).exists():
+        if case.spec.kind == "confounded" and found.groups and (out / NEXT_DRIVE).exists():
             found = replace(found, separated=self._separated(case, files, out))
         return found
 

@@ -15,6 +15,7 @@ from typer.core import TyperCommand
 from pzt_ros.chains import load_chain
 from pzt_ros.cli.model import AsJson, _busy, _command_line, _finite, _load
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import dask_workers, threads
 
 if TYPE_CHECKING:
     from pzt_ros.diagnosis.report import Report
@@ -59,25 +60,35 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(help="candidates refitted at once, in threads; as many as there are cores by default", min=0),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(help="scheduler whose workers refit the candidates instead: tcp://HOST:PORT", show_default=False),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that a model lacks, add it, and state the error before and after.
 
     The declared model is fitted to the runs; effects are added one after another as long as the first half of each
-    test run agrees; the second half scores. Writes report.html, report.json, baseline.yaml (the declared model, fitted)
-    and model.yaml (with what was found).
+    test run agrees; the second half scores. Writes report.html, report.json, baseline.yaml (the declared one, fitted),
+    model.yaml (with what was found) and, where a further run would decide, next_experiment.csv with its drive.
 
     Example: pzt diagnose train.csv --test test1.csv test2.csv --model p802 --out found
     """
     from pzt_ros.diagnosis.diagnose import diagnose as diagnose_runs
 
+    if jobs is not None and dask is not None:
+        raise BenchError("--jobs counts threads of this machine, --dask uses those of a cluster; give one of them")
     chain = load_chain(model) if model is not None else None
     train, tests = [_load(run) for run in runs], [_load(run) for run in test or ()]
     _prepare(out)
     if not tests:
         typer.echo("warning: no --test runs: nothing is checked on data that was not fitted", err=True)
-    with _busy("diagnosing") as tell:
-        report = diagnose_runs(train, tests, chain, progress=tell, command=_command_line())
+    with _busy("diagnosing") as tell, threads(jobs) if dask is None else dask_workers(dask) as pool:
+        report = diagnose_runs(train, tests, chain, progress=tell, command=_command_line(), workers=pool)
         tell("writing the report")
         report.save(out)
     if as_json:

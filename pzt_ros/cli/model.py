@@ -19,12 +19,14 @@ from pzt_ros.bags import load_run
 from pzt_ros.chains import chain_summary, load_chain, save_chain, shipped_chains
 from pzt_ros.errors import BenchError
 from pzt_ros.experiments.procedures import FAMILIES, procedure
+from pzt_ros.parallel import processes
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record, write_table
 
 From = Annotated[float | None, typer.Option("--from", help="first time that counts, in s; the run's start by default")]
 Until = Annotated[float | None, typer.Option("--until", help="last time that counts, in s; the run's end by default")]
 AsJson = Annotated[bool, typer.Option("--json", help="for programs")]
+Jobs = Annotated[int, typer.Option(help="processes that share the work; 0 or 1: this one alone", min=0)]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -108,6 +110,10 @@ def fit(
     out: Annotated[Path, typer.Option(help="YAML file to write the fitted chain to")],
     start: From = None,
     until: Until = None,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="95 % intervals that may be lopsided, by refits along each parameter")
+    ] = False,
+    jobs: Jobs = 1,
     as_json: AsJson = False,
 ) -> None:
     """Fit the parameters of a chain to one run or many, each with its own unknown offset and history.
@@ -122,9 +128,8 @@ def fit(
 
     chain = load_chain(model)
     records = [_load(run) for run in runs]
-    with _busy(f"fitting {chain.name}") as tell:
-        settings = Fit(chain, Span(start, until), progress=lambda n, rms: tell(f"pass {n}, {rms * 1e9:.4g} nm rms"))
-        result = settings.fit(records)
+    with _busy(f"fitting {chain.name}") as tell, processes(jobs) as pool:
+        result = Fit(chain, Span(start, until), profile=profile, progress=tell, workers=pool).fit(records)
     fitted = result.model(_command_line())
     save_chain(fitted, out)
     if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,12 +12,16 @@ from pzt_ros.diagnosis.coordinates import Coordinate
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import Start, prepared_drive
 
 _STEP = 1e-3
 _REMEMBERED = 3  # evaluations
+_WIDEST = 10.0  # thermal widths between domains
+_COARSEST = 1e-2  # error of x+ on slow ramps
+_MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 15 s
 
 
 class DeclaredHysteresis:
@@ -64,8 +69,8 @@ class DeclaredHysteresis:
         return copy
 
     def link(self, vector: Array) -> Ferroelectric:
-        """The ceramic with the values of the vector."""
-        return self._valued(self.model, vector)
+        """The ceramic with the values of the vector, its domains no more than can be waited for."""
+        return _affordable(self._valued(self.model, vector))
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         """P of each run whose voltage is given [C/m^2]; what was computed lately is not computed again."""
@@ -119,3 +124,20 @@ class DeclaredHysteresis:
             state, _ = link.step(state, Signals(time=times, voltage=before))
         _, out = link.step(state, Signals(time=record.time, voltage=voltage))
         return out.polarization
+
+
+def _affordable(link: Ferroelectric) -> Ferroelectric:
+    """A lattice with fewer domains and longer substeps where there would be too many to wait for.
+
+    Records that do not tell the thermal width, one hold or one sine, let it shrink. The domains grow with its inverse
+    square, the substeps with its inverse: one pass over 20 s of such a record took minutes.
+    """
+    if not isinstance(link, Lattice) or link.threshold_density is not None:
+        return link
+    wide = [density.support(link.cut) for density in (link.coercive, link.interaction) if density.spread > 0]
+    excess = math.prod((high - low) / link.field_spacing for low, high in wide) / _MOST_DOMAINS
+    if excess <= 1.0:
+        return link
+    spacing = link.field_spacing / link.thermal_width * excess ** (1.0 / len(wide))
+    accuracy = max(link.accuracy, min(excess * link.accuracy, _COARSEST))  # a substep goes with the root of it
+    return dataclasses.replace(link, spacing=min(spacing, _WIDEST), accuracy=accuracy)

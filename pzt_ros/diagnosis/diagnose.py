@@ -6,6 +6,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +19,23 @@ from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.next_experiment import (
+    Bench,
+    Design,
+    design_between,
+    designed,
+    for_amplitudes,
+    for_unexplained,
+)
 from pzt_ros.diagnosis.outcome import Errors, errors_of, estimates, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.search import Candidate, Search, Step
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
-from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
+from pzt_ros.effects.table import EFFECT_OF
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, threads
 from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
 
@@ -56,8 +66,17 @@ def diagnose(
     thresholds: Thresholds | None = None,
     progress: Progress = lambda text: None,
     command: str = "",
+    workers: Workers | None = None,
 ) -> Report:
     """Find what a chain lacks to describe the train runs, choosing by half of each test run, scoring with the rest.
+
+    Args:
+        train, test: runs.
+        chain: declared; one in proportion to the runs where None.
+        thresholds: what is asked of an effect.
+        progress: is told what is being done.
+        command: that asked for it, for the report.
+        workers: refit candidates side by side, with the same result wherever; threads of this process where None.
 
     Raises:
         BenchError: runs that are too short, do not move, are given twice; a chain without a ceramic.
@@ -66,18 +85,21 @@ def diagnose(
     asked = thresholds or Thresholds()
     check_runs(train, test)
     runs = split(with_floors(train), with_floors(test))
-    with threadpool_limits(limits=1):  # candidates are refitted side by side; BLAS threads would fight with them
+    refitting = threads() if workers is None else nullcontext(workers)
+    # candidates are refitted side by side, and BLAS threads would fight with them
+    with threadpool_limits(limits=1), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         declared = fit_declared(chain or default_chain(runs), runs, progress)
-        branches = _branches(declared, asked, progress)
+        branches = _branches(declared, asked, progress, pool)
     chosen = _chosen(branches, asked)
     progress("predicting")
     report = _report(runs, len(train), branches, chosen, asked, command)
     return dataclasses.replace(report, seconds=time.monotonic() - began)
 
 
-def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress) -> list[Branch]:
+def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """Searches on the declared base and, where that leaves something, on the flexible one."""
-    search = Search(asked, progress=progress)
+    origin = fitted(declared.staged, declared.staged.start, most_steps=0)
+    search = Search(asked, progress=progress, workers=workers, origin=origin)
     steps = search.run(declared)
     if not search.explains(steps, declared):
         steps = [*steps[:-1], search.pair_step(steps[-1])]
@@ -87,7 +109,7 @@ def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress) -> li
     runs = declared.staged.runs
     unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
     flexible = fit_flexible(declared, unknown, progress)
-    search = Search(asked.on_flexible(), progress=progress)
+    search = Search(asked.on_flexible(), progress=progress, workers=workers)
     if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
         return [*branches, Branch("identified", flexible, ())]
     steps = search.run(flexible)
@@ -114,12 +136,14 @@ def _report(
     baseline = model_of(chosen.base, "baseline", command)
     model = model_of(chosen.final, "model", command)
     before, after = errors_of(baseline, runs), errors_of(model, runs)
-    tied = tuple(step.tied for step in chosen.steps if step.tied)
+    tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
     remains = remains_of(runs, after.residuals, asked.floor, _SLOW_FLOOR)
     sparse = _is_sparse(chosen, asked) and remains.present
     if sparse:
         remains = dataclasses.replace(remains, present=False)
     effects = _found(chosen, runs, before, after, command)
+    why, design = _next_experiment(effects, tied, remains, sparse)
+    drive = designed(design, _bench(chosen, runs), why) if design else None
     return Report(
         train=tuple(runs[:trained]),
         test=tuple(runs[trained:]),
@@ -133,7 +157,8 @@ def _report(
         tried=tuple(_tried(branches)),
         not_identifiable=tied,
         remains=remains,
-        next_experiment=_MORE_AMPLITUDES if sparse else _next_experiment(effects, tied, remains),
+        next_experiment=f"{why} {drive.sentence}" if drive else why,
+        next_drive=drive,
         remarks=(_SPARSE,) if sparse else (),
         verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
         baselines=baselines(runs),
@@ -169,8 +194,8 @@ def _found(
         last = candidate.after is chosen.final
         now = after if last else errors_of(model_of(candidate.after, "step", command), runs)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
-        place = EFFECT_OF[candidate.name].place
-        found.append(FoundEffect(candidate.name, place, reached.test, now.test, own, _probability(candidate, chosen)))
+        place = EFFECT_OF[candidate.cause].place
+        found.append(FoundEffect(candidate.cause, place, reached.test, now.test, own, _probability(candidate, chosen)))
         reached = now
     return tuple(found)
 
@@ -178,7 +203,7 @@ def _found(
 def _probability(candidate: Candidate, chosen: Branch) -> float:
     """Against the best of the other candidates and against nothing, by what they gain where nothing was fitted."""
     step = next(step for step in chosen.steps if candidate in step.accepted)
-    rivals = [c for c in step.candidates if c.name != candidate.name]
+    rivals = [c for c in step.candidates if c.cause != candidate.cause]
     gain = min(candidate.fit_gain, candidate.selection_gain)
     others = [min(c.fit_gain, c.selection_gain) for c in rivals]
     odds = [math.exp(min(0.5 * (other - gain) / _INFLATION, 0.0)) for other in (0.0, *others)]
@@ -237,18 +262,30 @@ def _test_rms(hypothesis: Hypothesis) -> float:
     return math.sqrt(float(np.mean(np.concatenate([(r - r.mean()) ** 2 for r in left]))))
 
 
-def _next_experiment(effects: Sequence[FoundEffect], tied: Sequence[Sequence[str]], remains: Remains) -> str:
-    for group in tied:
-        for other in group[1:]:
-            advice = CONFOUNDED.get(frozenset((group[0], other)))
-            if advice:
-                return advice
-        return f"{EFFECT_OF[group[0]].next_experiment} {EFFECT_OF[group[1]].next_experiment}"
+def _next_experiment(
+    effects: Sequence[FoundEffect], tied: Sequence[Sequence[str]], remains: Remains, sparse: bool
+) -> tuple[str, Design | None]:
+    """What to do next in words, and the design of its drive where one is needed."""
+    if tied:
+        return design_between(tied[0])
+    if sparse:
+        return _MORE_AMPLITUDES, for_amplitudes
     if remains.present:
-        return "Repeat the part named above as it was; then with the drive at rest; then at another rate and amplitude."
+        return _REPEAT, for_unexplained
     if effects:
-        return f"To confirm {effects[0].name}: {EFFECT_OF[effects[0].name].next_experiment}"
-    return "None needed: a run at another rate and amplitude would widen the range that this holds for."
+        return f"To confirm {effects[0].name}: {EFFECT_OF[effects[0].name].next_experiment}", None
+    return "None needed: a run at another rate and amplitude would widen the range that this holds for.", None
+
+
+_REPEAT = "Repeat the part named above as it was; then with the drive at rest; then at another rate and amplitude."
+
+
+def _bench(chosen: Branch, runs: Sequence[RunData]) -> Bench:
+    """What the runs and the effects that tie, as refitted, say about it."""
+    alike = [c for step in chosen.steps for c in step.candidates if c.name in step.tied]
+    chains = [(c.name, c.after.staged.chain_at(c.after.vector)) for c in alike]
+    links = [link for name, chain in chains for link in chain.links if link.kind == name]
+    return Bench.of([run.record for run in runs], links)
 
 
 def _verdict(

@@ -8,28 +8,31 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import coordinate
-from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.identified_hats import node_count
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_law import StrainLaw
-from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
-from pzt_ros.sysid.identified_fit import IdentifiedFit
+from pzt_ros.sysid.identified import IdentifiedHysteresis
+from pzt_ros.sysid.identified_fit import IdentifiedFit, IdentifiedResult
 from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.run import Start
 
 _STEPS = 4
-_ROTATIONS = (0.0, 1.0)
+_CLEAN = 1.1  # residual over noise where nothing was fitted: the starts need not be doubted
+_BETTER = 0.98
+_AT_REST = 0.02  # of the largest voltage
+_ROTATIONS, _ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 _REMEMBERED = 12  # polarizations at other voltages and vectors
 _TYPICAL_POLARIZATION = 0.25
 
@@ -97,7 +100,10 @@ class FlexibleHysteresis(IdentifiedHysteresis):
 
 
 def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progress) -> Hypothesis:
-    """Fit the identified lattice and a cubic strain law in place of the declared ceramic and its strain.
+    """Fit the identified lattice and a strain law in place of the declared ceramic and its strain.
+
+    How fine and smooth the density is, and of which order the law, the parts that choose say: between loops of one
+    amplitude any density and law will do.
 
     Args:
         declared: the fitted declared model; what else is in its chain stays.
@@ -105,14 +111,20 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
         progress: is told what is being done.
     """
     progress("identifying the density")
-    runs, fitted_runs = declared.staged.runs, declared.staged.fitted
+    runs = declared.staged.runs
     chain = declared.staged.chain_at(declared.vector)
     thickness = next(link.layer_thickness for link in chain.links if isinstance(link, Ferroelectric))
     voltages = declared.staged.voltages(declared.vector)
+    unknown = [known_not or _begins_driven(run) for known_not, run in zip(unknown, runs, strict=True)]
     reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
-    found = IdentifiedFit(thickness, rotations=_ROTATIONS, voltage_range=reached).fit(
-        [_measured(runs[number], voltages[number], unknown[number]) for number in fitted_runs]
-    )
+    fit = IdentifiedFit(thickness, rotations=_ROTATIONS, orders=_ORDERS, voltage_range=reached)
+    found = _identified(fit, runs, voltages, unknown)
+    if found.choices[0].held_out > _CLEAN and not all(unknown):
+        chosen = found.choices[0]
+        fit = replace(fit, resolutions=(chosen.resolution,), rotations=(chosen.rotation,), orders=(chosen.order,))
+        other = _identified(fit, runs, voltages, [True] * len(runs))
+        if other.choices[0].held_out < _BETTER * chosen.held_out:
+            found, unknown = other, [True] * len(runs)
     base = found.problem.base
     flexible = FlexibleHysteresis(
         [run.record.time for run in runs],
@@ -123,9 +135,9 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
         fine_lines=base.fine_lines,
     )
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
-    shared = WEIGHTS + node_count(base.grid.size)
-    flexible.start[:shared] = found.vector[:shared]
-    _, linear, quadratic, cubic = (float(coefficient) for coefficient in found.law)
+    known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
+    flexible.start[:known] = found.vector[:known]
+    linear, quadratic, cubic = (float(coefficient) for coefficient in (*found.law, 0.0)[1:4])
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
     placeholder = flexible.link(flexible.start)
     size = max(abs(linear), abs(quadratic) * _TYPICAL_POLARIZATION, abs(cubic) * _TYPICAL_POLARIZATION**2)
@@ -133,7 +145,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
         coordinate(law, "linear", typical=size),
         coordinate(law, "quadratic", typical=size / _TYPICAL_POLARIZATION),
         coordinate(law, "cubic", typical=size / _TYPICAL_POLARIZATION**2),
-    )
+    )[: found.problem.order]
     kept = tuple(each for each in declared.staged.coordinates if each.kind != Electrostriction.kind)
     replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
     staged = Staged(replaced, flexible, runs, (*coordinates, *kept))
@@ -143,10 +155,36 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
     return exact(fitted(staged, start, most_steps=_STEPS))
 
 
+def _identified(
+    fit: IdentifiedFit, runs: Sequence[RunData], voltages: Sequence[Array], unknown: Sequence[bool]
+) -> IdentifiedResult:
+    """The density fitted to the runs with a part to fit; those with a part that chooses choose."""
+    fitted_runs = [_measured(run, voltages[n], unknown[n]) for n, run in enumerate(runs) if FIT in run.picks]
+    choosing = [_choosing(run, voltages[n], unknown[n]) for n, run in enumerate(runs) if SELECTION in run.picks]
+    return fit.fit(fitted_runs, choosing)
+
+
+def _begins_driven(run: RunData) -> bool:
+    """Whether the voltage is up already at the first sample: the record then has a past."""
+    voltage = run.record.voltage
+    return abs(float(voltage[0])) > _AT_REST * float(np.max(np.abs(voltage)))
+
+
 def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
     record = run.record
     counted = np.ones(len(record), dtype=bool)
     return MeasuredRun(record.time, voltage, record.displacement, run.noise, counted, unknown)
+
+
+def _choosing(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
+    """A test run as far as its part that chooses goes."""
+    record, picks = run.record, run.picks[SELECTION]
+    early = slice(int(picks[-1]) + 1)
+    counted = np.zeros(len(record), dtype=bool)
+    counted[picks] = True
+    return MeasuredRun(
+        record.time[early], voltage[early], record.displacement[early], run.noise, counted[early], unknown
+    )
 
 
 def _replaced(link: Link, ceramic: Link, law: StrainLaw) -> Link:

@@ -16,7 +16,7 @@ from pzt_ros.sysid.noise import noise_floor
 _LEAST_SHARE = 1e-5  # of the span: a record without noise is still no better than this
 _SHORTEST_HOLD = 60  # samples
 _SKIPPED = 0.3  # of a hold, from its start: what rings or creeps fast
-_COLOURED = 1.3
+_COLOURED = 1.12  # scatter in holds over what neighbouring samples say
 
 
 def with_floors(records: Sequence[Record]) -> list[RunData]:

@@ -8,14 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from pzt_ros.diagnosis.data import SELECTION, RunData
+from pzt_ros.diagnosis.data import SELECTION
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.covariance import effective_samples
-from pzt_ros.sysid.gauss_newton import Solution, solve
+from pzt_ros.sysid.gauss_newton import Solution, bounded_minimum, solve
 
 _CORRECTIONS = 2
 _STAYS = 0.01  # change of coordinates, that is 1 % of a parameter
+_ROUNDS = 2  # the strain law bends, so one linear step would not do
+_RIDGE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class Hypothesis:
     @cached_property
     def selection_residuals(self) -> list[Array]:
         """Misfit of the parts that choose."""
-        numbers = _choosing(self.staged.runs)
+        numbers = self.choosing
         outputs = self.staged.outputs(self.vector, numbers)
         return [self.staged.runs[r].misfit(SELECTION, *out) for r, out in zip(numbers, outputs, strict=True)]
 
@@ -88,13 +90,21 @@ class Hypothesis:
         return misfit_of(self.selection_residuals)
 
     @property
+    def choosing(self) -> list[int]:
+        """Indices of the runs with a part that chooses."""
+        return [number for number, run in enumerate(self.staged.runs) if SELECTION in run.picks]
+
+    @cached_property
+    def ratios(self) -> list[float]:
+        """Rms over noise of every run, on the part that is fitted or chooses."""
+        residuals = dict(zip(self.staged.fitted, self.solution.residuals, strict=True))
+        residuals.update(zip(self.choosing, self.selection_residuals, strict=True))
+        return [float(np.sqrt(np.mean(np.square(residuals[number])))) for number in range(len(self.staged.runs))]
+
+    @property
     def total(self) -> float:
         """Mean square over both kinds of parts, each counted alike; what candidates are ranked by."""
         return self.fit.total / self.fit.samples + self.selection.total / max(self.selection.samples, 1)
-
-
-def _choosing(runs: Sequence[RunData]) -> list[int]:
-    return [number for number, run in enumerate(runs) if SELECTION in run.picks]
 
 
 def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_steps: int = 20) -> Hypothesis:
@@ -110,35 +120,50 @@ def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_ste
 
 
 def exact(found: Hypothesis) -> Hypothesis:
-    """The same fitted with its ceramic exact where the fit ended, until that is where it stays."""
+    """The same fitted with its ceramic exact where the fit ended, until that is where it stays.
+
+    A fit along a tangent may promise what the model does not keep, so a step that makes it worse is taken back.
+    """
+    best = _exact_here(found)
     for _ in range(_CORRECTIONS):
-        staged = found.staged.exact_at(found.vector)
-        if staged.ceramic is found.staged.ceramic:
+        if best.staged.ceramic is found.staged.ceramic:
             break
-        before = found
-        found = fitted(staged, before.vector, before.effects, most_steps=4)
-        if np.max(np.abs(found.solution.vector - before.solution.vector)) < _STAYS:
+        moved = fitted(best.staged, best.vector, best.effects, most_steps=4)
+        if np.max(np.abs(moved.solution.vector - best.solution.vector)) < _STAYS:
+            return moved
+        there = _exact_here(moved)
+        if there.solution.cost >= best.solution.cost:
             break
-    return found
+        best = there
+    return best
+
+
+def _exact_here(found: Hypothesis) -> Hypothesis:
+    """The hypothesis as it is, its ceramic exact there; itself where its ceramic is exact everywhere."""
+    staged = found.staged.exact_at(found.vector)
+    if staged.ceramic is found.staged.ceramic:
+        return found
+    return fitted(staged, found.vector, found.effects, most_steps=0)
 
 
 def _with_own_values(staged: Staged, vector: Array) -> Array:
-    """What belongs to a test run alone, fitted linearly to its selection part with all else held."""
+    """What belongs to a test run alone, fitted to its selection part within its bounds with all else held."""
     found = vector.copy()
     own = staged.ceramic.start.size
     low, high = staged.bounds
-    for number in _choosing(staged.runs):
+    rows, targets = staged.prior
+    for number, run in enumerate(staged.runs):
+        if SELECTION not in run.picks:
+            continue
         places = staged.ceramic.places_of(number)
         places += [own + k for k, each in enumerate(staged.coordinates) if each.run == number]
-        if not places:
-            continue
-        run = staged.runs[number]
-        here = run.misfit(SELECTION, *staged.outputs(found, [number])[0])
-        columns = []
-        for place in places:
-            moved = found.copy()
-            moved[place] += 1.0
-            columns.append(run.misfit(SELECTION, *staged.outputs(moved, [number])[0]) - here)
-        step = np.linalg.lstsq(np.column_stack(columns), -here, rcond=None)[0]
-        found[places] = np.clip(found[places] + step, low[places], high[places])
+        for _ in range(_ROUNDS if places else 0):
+            residuals, jacobians = staged.jacobians(found, [number], SELECTION)
+            columns, held = jacobians[0][:, places], rows[:, places]
+            gram = columns.T @ columns + held.T @ held
+            gradient = columns.T @ residuals[0] + held.T @ (rows @ found - targets)
+            size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+            gram = gram / np.outer(size, size) + _RIDGE * np.eye(size.size)
+            room = (low - found)[places] * size, (high - found)[places] * size
+            found[places] += bounded_minimum(gram, gradient / size, *room) / size
     return found

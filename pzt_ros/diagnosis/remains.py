@@ -21,6 +21,7 @@ _LINE = 12.0  # a spectral line stands out by this factor over the median of its
 _PIECE = 4096  # samples of a spectrum
 _WINDOWS = 24
 _MEAN_TIME = 0.05  # [s], slow remains show in means over this
+_LEAST_SLOW = 0.2  # of the noise: a model is as near to a stage as that, and no nearer
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,15 @@ def _centred(run: RunData, residual: Array) -> Array:
 
 
 def _slow_ratio(run: RunData, residual: Array) -> float:
+    """See Remains.slow; 0 where it is too small to matter, however sure."""
     step = float(np.median(np.diff(run.record.time)))
     length = max(round(_MEAN_TIME / step), 4)
     count = residual.size // length
     if count < 8:
         return 0.0
     means = residual[: count * length].reshape(count, length).mean(axis=1)
-    return math.sqrt(float(np.mean(means**2)) * length) / run.noise
+    rms = math.sqrt(float(np.mean(means**2))) / run.noise
+    return rms * math.sqrt(length) if rms > _LEAST_SLOW else 0.0
 
 
 def _described(runs: Sequence[RunData], residuals: Sequence[Array], ratios: Sequence[float]) -> str:

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from pzt_ros.chains import save_chain
+from pzt_ros.diagnosis import next_experiment
 from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.next_experiment import NextExperiment
 from pzt_ros.diagnosis.outcome import Errors
 from pzt_ros.diagnosis.remains import Remains
 from pzt_ros.errors import BenchError
@@ -84,6 +86,7 @@ class Report:
         baselines: name of a generic model -> errors of it, for comparison.
         remarks: what a reader has to know beside.
         command, seconds: how and how long.
+        next_drive: that of `next_experiment`, where one is needed.
     """
 
     train: tuple[RunData, ...]
@@ -104,6 +107,7 @@ class Report:
     remarks: tuple[str, ...] = ()
     command: str = ""
     seconds: float = 0.0
+    next_drive: NextExperiment | None = None
 
     @property
     def runs(self) -> tuple[RunData, ...]:
@@ -141,22 +145,31 @@ class Report:
         }
 
     def save(self, out: Path) -> None:
-        """Write report.json, baseline.yaml, model.yaml and report.html.
+        """Write what `save_data` does, and report.html.
 
         Raises:
             BenchError: the folder cannot be written.
         """
         from pzt_ros.diagnosis.page import write_page  # plotting only where a page is made
 
+        self.save_data(out)
+        write_page(self, out / "report.html")
+
+    def save_data(self, out: Path) -> None:
+        """Write report.json, baseline.yaml, model.yaml, and next_experiment.csv where a next experiment is needed.
+
+        Raises:
+            BenchError: the folder cannot be written.
+        """
         try:
             out.mkdir(parents=True, exist_ok=True)
             text = json.dumps(_finite(self.as_data()), indent=1)
             (out / "report.json").write_text(text + "\n", encoding="utf-8")
+            next_experiment.save(self.next_drive, out)
         except OSError as error:
             raise BenchError(f"report folder '{out}' cannot be written: {error.strerror}") from None
         save_chain(self.baseline, out / "baseline.yaml")
         save_chain(self.model, out / "model.yaml")
-        write_page(self, out / "report.html")
 
 
 def _errors_as_data(errors: Errors, noise: float) -> dict[str, Any]:

@@ -7,21 +7,28 @@ To correlate the residual with raw signatures names the wrong effect in every se
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy import optimize
 
 from pzt_ros.diagnosis.coordinates import Coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SELECTION
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.staged import Staged
-from pzt_ros.effects.effect import Effect
+from pzt_ros.effects.effect import AT_COMMAND, AT_FIELD, Effect
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 
+_optimize: Any = optimize  # SciPy carries no types
+
+_SIMPLEX = 0.3  # of a coordinate: a third more or less of a time or a frequency
+_SHAPES = 30
 _LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
 
 
@@ -31,12 +38,14 @@ class Prospect:
 
     Attributes:
         effect: which.
+        link: of the effect, in the shape that was tried.
         staged: the model with the effect in it.
         start: where the refit starts.
         total: as `Hypothesis.total`, predicted linearly.
     """
 
     effect: Effect
+    link: Link
     staged: Staged
     start: Array
     total: float
@@ -80,6 +89,40 @@ class Screen:
                 continue
         return min((p for p in prospects if np.isfinite(p.total)), key=lambda p: p.total, default=None)
 
+    def refined(self, prospect: Prospect) -> Prospect:
+        """The same effect in the shape that promises most, sought from the one given: a grid is too coarse.
+
+        Effects before the ceramic stay as they are: each of their shapes costs a pass through it.
+        """
+        effect = prospect.effect
+        added = prospect.staged.coordinates[len(self.hypothesis.staged.coordinates) :]
+        shape = [each for each in added if each.run is None and (effect.limits or each.field not in effect.columns)]
+        if effect.place in (AT_COMMAND, AT_FIELD) or not shape:
+            return prospect
+        tried = [prospect]
+
+        def total(vector: Array) -> float:
+            values = {each.field: each.si(float(value)) for each, value in zip(shape, vector, strict=True)}
+            try:
+                tried.append(self._prospect(effect, dataclasses.replace(prospect.link, **values)))
+            except BenchError:
+                return math.inf
+            return tried[-1].total
+
+        first = np.array([each.scaled(each.start) for each in shape])
+        bounds = [each.bounds for each in shape]
+        sides = [
+            _SIMPLEX if value + _SIMPLEX <= high else -_SIMPLEX for value, (_, high) in zip(first, bounds, strict=True)
+        ]
+        options = {
+            "initial_simplex": [first, *(first + np.diag(sides))],
+            "maxfev": _SHAPES,
+            "xatol": 0.01,
+            "fatol": 1e-6,
+        }
+        _optimize.minimize(total, first, method="Nelder-Mead", bounds=bounds, options=options)
+        return min((each for each in tried if np.isfinite(each.total)), key=lambda each: each.total)
+
     def _prospect(self, effect: Effect, link: Link) -> Prospect:
         hypothesis = self.hypothesis
         added = of_effect(effect, link, range(len(hypothesis.staged.runs)))
@@ -87,13 +130,16 @@ class Screen:
         staged = replace(hypothesis.staged, chain=chain, coordinates=(*hypothesis.staged.coordinates, *added))
         shape = np.array([0.0 if each.field in effect.columns else each.scaled(each.start) for each in added])
         signatures, ahead, places = self._signatures(effect, staged, added, shape)
-        amounts, shift, total = self._explained(signatures, ahead, bool(effect.per_run))
+        limits = np.array([added[k].bounds for k in places]).T
+        if effect.limits:  # half of such an effect is no effect of half the size
+            limits = np.ones_like(limits)
+        amounts, shift, total = self._explained(signatures, ahead, bool(effect.per_run), limits)
         shape[places] = amounts
         low, high = staged.bounds
         longest = float(np.max(np.abs(shift[: hypothesis.staged.ceramic.start.size]), initial=0.0))
         shift = shift * min(1.0, _LONGEST_SHIFT / longest) if longest > 0.0 else shift
         start = np.clip(np.concatenate((hypothesis.vector + shift, shape)), low, high)
-        return Prospect(effect, staged, start, total)
+        return Prospect(effect, link, staged, start, total)
 
     def _signatures(
         self, effect: Effect, staged: Staged, added: Sequence[Coordinate], shape: Array
@@ -125,13 +171,13 @@ class Screen:
         width = (self._left.size, 0)
         return np.column_stack(columns), np.column_stack(ahead) if ahead else np.zeros(width), places
 
-    def _explained(self, signatures: Array, ahead: Array, per_run: bool) -> tuple[Array, Array, float]:
-        """Amounts of the signatures, how the base moves with them, and the mean square that is left."""
+    def _explained(self, signatures: Array, ahead: Array, per_run: bool, limits: Array) -> tuple[Array, Array, float]:
+        """Amounts of the signatures within limits, how the base moves with them, and the mean square that is left."""
         padded = np.vstack((signatures, np.zeros((len(self._rows), signatures.shape[1]))))
         residual = np.concatenate((self._residual, np.zeros(len(self._rows))))
         clear = padded - self._q @ (self._q.T @ padded)
         rest = residual - self._q @ (self._q.T @ residual)
-        amounts = np.linalg.lstsq(clear, -rest, rcond=1e-10)[0]
+        amounts = np.clip(np.linalg.lstsq(clear, -rest, rcond=1e-10)[0], *limits)
         moved = -(self._back @ (self._q.T @ (residual + padded @ amounts)))
         shift: Array = (moved / self._length).astype(np.float64)
         left = self._residual + self._jacobian @ shift + signatures @ amounts

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.effect import Effect
-from pzt_ros.effects.table import EFFECTS
+from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
 _REFIT_STEPS = 12
-_WORKERS = 2
+_MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RIVAL = 0.6  # of the best one's gain
 
 
@@ -31,6 +32,11 @@ class Candidate:
     name: str
     before: Hypothesis
     after: Hypothesis
+
+    @property
+    def cause(self) -> str:
+        """Name as which it is reported; variants of an effect share it."""
+        return EFFECT_OF[self.name].reported
 
     @property
     def fit_gain(self) -> float:
@@ -61,14 +67,10 @@ class Candidate:
 
     @property
     def size(self) -> float:
-        """Rms that it explains in units of the noise, the smaller of both kinds of parts."""
-        kinds = [(self.before.fit, self.after.fit), (self.before.selection, self.after.selection)]
-        gains = [_mean(before) - _mean(after) for before, after in kinds if before.samples]
-        return math.sqrt(max(0.0, min(gains)))
-
-
-def _mean(misfit: Misfit) -> float:
-    return misfit.total / max(misfit.samples, 1)
+        """Rms that it explains in units of the noise in the run where that is most, the smaller of both kinds."""
+        gained = [b**2 - a**2 for b, a in zip(self.before.ratios, self.after.ratios, strict=True)]
+        kinds = self.before.staged.fitted, self.before.choosing
+        return math.sqrt(max(0.0, min(max(gained[run] for run in kind) for kind in kinds if kind)))
 
 
 def _gain(before: Misfit, after: Misfit) -> float:
@@ -111,11 +113,16 @@ class Search:
         thresholds: what is asked of an effect.
         effects: that may be named.
         progress: is told what is being tried.
+        workers: refit the candidates.
+        origin: the base before its fit. A base fitted without an effect bends to make up for it, sometimes so far that
+            no refit finds its way back; where that may be, candidates are refitted from here, too.
     """
 
     thresholds: Thresholds = field(default_factory=Thresholds)
     effects: Sequence[Effect] = EFFECTS
     progress: Callable[[str], None] = lambda text: None
+    workers: Workers = IN_THIS_PROCESS
+    origin: Hypothesis | None = None
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects until nothing that can be named is left."""
@@ -131,12 +138,14 @@ class Search:
 
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
-        candidates, refused = self._candidates(before)
+        candidates, refused = self._candidates(before, before)
+        if self.origin and not before.effects and not any(self.at_floor(h) for h in (before, *_afters(candidates))):
+            candidates = _best_of_each((*candidates, *self._candidates(before, self.origin)[0]))
         sound = [c for c in candidates if self._is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = sound[0]
-        if winner.share >= self.thresholds.share:
+        if winner.share >= self.thresholds.share or self.at_floor(winner.after):
             tied = self._tied(winner, sound[1:])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         verdict = (
@@ -157,17 +166,17 @@ class Search:
         """Whether a search ended where nothing is left, or nothing but what its effects' shapes are off by."""
         final = steps[-1].after if steps else base
         share = Candidate("", base, final).share if final is not base else 0.0
-        worst = max(final.fit.ratio, final.selection.ratio)
-        return self.at_floor(final) or (share > self.thresholds.whole and worst < self.thresholds.near_floor)
+        near = max(final.ratios) < self.thresholds.near_floor
+        return self.at_floor(final) or (share > self.thresholds.whole and near)
 
     def at_floor(self, hypothesis: Hypothesis) -> bool:
-        """Whether nothing is left that would have to be explained."""
-        worst = max(hypothesis.fit.ratio, hypothesis.selection.ratio)
-        return worst <= self.thresholds.floor
+        """Whether nothing is left in any run that would have to be explained."""
+        return max(hypothesis.ratios) <= self.thresholds.floor
 
-    def _candidates(self, before: Hypothesis) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+    def _candidates(self, before: Hypothesis, seen_from: Hypothesis) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+        """Effects refitted beside what is in a hypothesis, from where another promises most; why the rest was not."""
         self.progress(f"screening {len(self.effects)} effects" + _beside(before.effects))
-        screen = Screen(before)
+        screen = Screen(seen_from)
         refused: dict[str, str] = {}
         prospects: list[Prospect] = []
         for effect in self.effects:
@@ -177,17 +186,21 @@ class Search:
                 refused[effect.name] = reason or "no start of it can be evaluated on these runs"
             else:
                 prospects.append(prospect)
-        prospects.sort(key=lambda prospect: prospect.total)
-        worth = [p for p in prospects if before.total - p.total > 0.5 * self.thresholds.size**2]
+        prospects.sort(key=_left)
+        near = self.thresholds.refits + _MORE
+        refined = [screen.refined(p) if self._is_worth(before, p) else p for p in prospects[:near]]
+        prospects = sorted(refined + prospects[near:], key=_left)
+        worth = [p for p in prospects if self._is_worth(before, p)]
         for prospect in prospects:
             if prospect not in worth[: self.thresholds.refits]:
                 refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
                     f"{_promise(before, worth[0]):.0%} the best" if worth else "too little to look for"
                 )
-        with ThreadPoolExecutor(_WORKERS) as pool:
-            found = [c for c in pool.map(lambda p: self._refitted(before, p), worth[: self.thresholds.refits]) if c]
-            found = list(pool.map(_exact, found, [_rivals_best(c, found) for c in found]))
+        found = self._refitted(before, worth[: self.thresholds.refits])
         return tuple(sorted(found, key=lambda c: c.after.total)), refused
+
+    def _is_worth(self, before: Hypothesis, prospect: Prospect) -> bool:
+        return before.total - prospect.total > self.thresholds.promise
 
     def _why_not(self, effect: Effect, before: Hypothesis) -> str:
         if effect.name in before.effects or any(link.kind == effect.name for link in before.staged.chain.links):
@@ -195,14 +208,17 @@ class Search:
         missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
         return f"cannot be seen without {', '.join(missing)}" if missing else ""
 
-    def _refitted(self, before: Hypothesis, prospect: Prospect) -> Candidate | None:
-        name = prospect.effect.name
-        self.progress(f"refitting with {name}" + _beside(before.effects))
-        try:
-            after = fitted(prospect.staged, prospect.start, (*before.effects, name), _REFIT_STEPS)
-        except BenchError:
-            return None
-        return Candidate(name, before, after)
+    def _refitted(self, before: Hypothesis, prospects: Sequence[Prospect]) -> list[Candidate]:
+        if not prospects:
+            return []
+        names = [prospect.effect.name for prospect in prospects]
+        self.progress(f"refitting with {', '.join(names)}" + _beside(before.effects))
+        afters = self.workers.map(_fitted, prospects, repeat(before.effects))
+        found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
+        rivals = [candidate for candidate in found if _rivals_best(candidate, found)]
+        exacts = self.workers.map(exact, [candidate.after for candidate in rivals])
+        better = {rival.name: after for rival, after in zip(rivals, exacts, strict=True)}
+        return [replace(candidate, after=better.get(candidate.name, candidate.after)) for candidate in found]
 
     def _is_significant(self, candidate: Candidate) -> bool:
         asked = self.thresholds
@@ -214,7 +230,7 @@ class Search:
 
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
-        alike = [other.name for other in others if self._is_as_good(winner, other)]
+        alike = [other.name for other in others if other.cause != winner.cause and self._is_as_good(winner, other)]
         return (winner.name, *alike) if alike else ()
 
     def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:
@@ -230,7 +246,7 @@ class Search:
         """Two effects neither of which explains enough alone; empty where no two do."""
         best: tuple[Candidate, ...] = ()
         for first in sound[:2]:
-            following = [c for c in self._candidates(first.after)[0] if self._is_significant(c)]
+            following = [c for c in self._candidates(first.after, first.after)[0] if self._is_significant(c)]
             if following:
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:
@@ -243,6 +259,22 @@ class Search:
         return "no effect of the library explains what is left, where it was fitted and where it was not"
 
 
+def _afters(candidates: Sequence[Candidate]) -> list[Hypothesis]:
+    return [candidate.after for candidate in candidates]
+
+
+def _best_of_each(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Of each effect the refit that came out best, the best effect first."""
+    best: dict[str, Candidate] = {}
+    for candidate in sorted(candidates, key=lambda c: c.after.total):
+        best.setdefault(candidate.name, candidate)
+    return tuple(best.values())
+
+
+def _left(prospect: Prospect) -> float:
+    return prospect.total
+
+
 def _rivals_best(candidate: Candidate, found: Sequence[Candidate]) -> bool:
     """Whether it gains so much of what the best gains that a ceramic that is exact could put it first."""
     before = candidate.before.total
@@ -250,8 +282,11 @@ def _rivals_best(candidate: Candidate, found: Sequence[Candidate]) -> bool:
     return before - candidate.after.total >= _RIVAL * most
 
 
-def _exact(candidate: Candidate, asked: bool) -> Candidate:
-    return replace(candidate, after=exact(candidate.after)) if asked else candidate
+def _fitted(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
+    try:
+        return fitted(prospect.staged, prospect.start, (*effects, prospect.effect.name), _REFIT_STEPS)
+    except BenchError:
+        return None
 
 
 def _beside(effects: Sequence[str]) -> str:

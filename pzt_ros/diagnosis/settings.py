@@ -11,7 +11,8 @@ class Thresholds:
 
     Attributes:
         fit_gain, selection_gain: n_eff ln(before/after) of the squares, on what is fitted and on what chooses.
-        size: smallest rms that is looked for, in units of the noise.
+        size: smallest rms that is looked for in a run, in units of the noise.
+        promise: fall of the mean square, in units of the noise, that the screen has to promise before a refit.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
         half_share: that one of two effects has to explain alone.
         pair_share: that two effects have to explain together where neither explains `share` alone.
@@ -26,7 +27,8 @@ class Thresholds:
 
     fit_gain: float = 25.0
     selection_gain: float = 10.0
-    size: float = 0.2
+    size: float = 0.1
+    promise: float = 0.002
     share: float = 0.5
     half_share: float = 0.2
     pair_share: float = 0.8
@@ -38,7 +40,7 @@ class Thresholds:
     refits: int = 4
     most_effects: int = 4
     flexible_share: float = 0.6
-    flexible_size: float = 0.35
+    flexible_size: float = 0.4
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""

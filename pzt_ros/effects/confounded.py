@@ -2,50 +2,28 @@
 
 from __future__ import annotations
 
-_SHARP = "a chirp or a small step, sampled at ten times the suspected corner or faster"
+_SHARP = "small steps, short tall pulses and a chirp, sampled at ten times the suspected corner or faster"
+_LATE = ("sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "amplifier_current_limit")
+_HEIGHTS = "Run steps of two heights, one five times the other: with a limit the time to settle grows with the height."
+_RINGS = f"Run {_SHARP}: a mode overshoots, a lag does not."
+_DECADES = "Run the same loop at three frequencies, a decade apart, and a step with a hold"
+_LAG = f"{_DECADES}: what a lag adds grows with the rate"
 
 _PAIRS: tuple[tuple[str, str, str], ...] = (
     (
         "sensor_lag",
         "amplifier_bandwidth",
-        "Log the voltage at the ceramic; where that cannot be done, run"
-        f" {_SHARP}: a lag before the ceramic smooths the hysteresis with it, a lag behind it does not.",
+        f"Log the voltage at the ceramic; where that cannot be done, run {_SHARP}: a short pulse switches less where"
+        " the lag is before the ceramic, and all where it is behind.",
     ),
-    ("sensor_lag", "mechanical_resonance", f"Run {_SHARP}: a mode overshoots, a lag does not."),
-    ("amplifier_bandwidth", "mechanical_resonance", f"Run {_SHARP}: a mode overshoots, a lag does not."),
-    (
-        "amplifier_current_limit",
-        "amplifier_bandwidth",
-        "Run steps of two heights, one five times the other: with a limit the time to settle grows with the height.",
-    ),
-    (
-        "amplifier_current_limit",
-        "sensor_lag",
-        "Run steps of two heights, one five times the other: with a limit the time to settle grows with the height.",
-    ),
-    (
-        "sensor_lag",
-        "slow_relaxation",
-        "Run the same loop at a second frequency, ten times as high or as low: what a lag adds grows with the rate,"
-        " creep hardly does.",
-    ),
-    (
-        "amplifier_bandwidth",
-        "slow_relaxation",
-        "Run the same loop at a second frequency, ten times as high or as low: what a lag adds grows with the rate,"
-        " creep hardly does.",
-    ),
-    (
-        "sensor_lag",
-        "sensor_nonlinearity",
-        "Run the same amplitude at a fifth and at five times the frequency: the sensor's curve stays, what a lag adds"
-        " grows with the rate.",
-    ),
-    (
-        "slow_relaxation",
-        "sensor_nonlinearity",
-        "Run the same amplitude at a fifth and at five times the frequency: the sensor's curve stays, creep does not.",
-    ),
+    ("sensor_lag", "mechanical_resonance", _RINGS),
+    ("amplifier_bandwidth", "mechanical_resonance", _RINGS),
+    ("amplifier_current_limit", "amplifier_bandwidth", _HEIGHTS),
+    ("amplifier_current_limit", "sensor_lag", _HEIGHTS),
+    ("amplifier_current_limit", "mechanical_resonance", _HEIGHTS),
+    *((late, "slow_relaxation", f"{_LAG}, creep hardly does.") for late in _LATE),
+    *((late, "sensor_nonlinearity", f"{_LAG}, the sensor's curve stays.") for late in _LATE),
+    ("slow_relaxation", "sensor_nonlinearity", f"{_DECADES}: the sensor's curve stays, creep does not."),
     (
         "slow_relaxation",
         "thermal_drift",
@@ -56,6 +34,11 @@ _PAIRS: tuple[tuple[str, str, str], ...] = (
         "polarization_fatigue",
         "thermal_drift",
         "Cycle, pause at constant voltage for as long, cycle again: fatigue stands still in the pause, drift goes on.",
+    ),
+    (
+        "polarization_fatigue",
+        "slow_relaxation",
+        "Cycle, pause at constant voltage for as long, cycle again: fatigue stands still in the pause, creep does not.",
     ),
     (
         "polarization_fatigue",

@@ -33,6 +33,8 @@ class Effect:
         needs: columns of the record without which the effect cannot be asked for.
         absence: what its absence leaves in a residual.
         next_experiment: which run would show it alone.
+        limits: whether the amplitude says from where on it acts, so that half of it is not half the effect.
+        variant_of: name of the effect whose cause it shares and as which it is reported; empty where it has its own.
     """
 
     link: type[Link]
@@ -45,6 +47,8 @@ class Effect:
     needs: tuple[str, ...] = ()
     absence: str = ""
     next_experiment: str = ""
+    limits: bool = False
+    variant_of: str = ""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -53,5 +57,10 @@ class Effect:
 
     @property
     def name(self) -> str:
-        """As in chain files and reports."""
+        """As in chain files."""
         return self.link.kind
+
+    @property
+    def reported(self) -> str:
+        """As in reports: the name of what causes it."""
+        return self.variant_of or self.name

@@ -16,9 +16,10 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNonlinearity(Link):
-    """y + amplitude * (cos(mix) * y^2/R + sin(mix) * y^3/R^2): one size, and which of the two powers it is.
+    """y + amplitude * (cos(mix) * y^2/R + sin(mix) * y^3/R^2) + quartic * y^4/R^3 + quintic * y^5/R^4.
 
-    R is given, not found: the range of the sensor, or the span of the record.
+    The size and which of the two lower powers it is; the two higher ones for a curve that waves. R is given, not found:
+    the range of the sensor, or the span of the record.
     """
 
     kind: ClassVar[str] = "sensor_nonlinearity"
@@ -26,6 +27,8 @@ class SensorNonlinearity(Link):
 
     amplitude: float = parameter(0.0, "1", "error at the end of the range over the range", bounds=(-0.5, 0.5))
     mix: float = parameter(0.0, "rad", "0 for quadratic, pi/2 for cubic", bounds=(-math.pi, math.pi))
+    quartic: float = parameter(0.0, "1", "of y^4, error at the end of the range over the range", bounds=(-0.5, 0.5))
+    quintic: float = parameter(0.0, "1", "of y^5, error at the end of the range over the range", bounds=(-0.5, 0.5))
     range: float = parameter(1e-5, "m", "of the sensor", symbol="R", bounds=(1e-9, 1.0))
 
     def init(self, rest: Rest) -> State:
@@ -35,50 +38,53 @@ class SensorNonlinearity(Link):
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to reading."""
         y = signals.displacement
-        quadratic, cubic = self._powers
-        return state, signals.replace(displacement=y * (1.0 + y * (quadratic + y * cubic)))
+        bend = np.zeros_like(y)
+        for power in reversed(self._powers):
+            bend = y * (power + bend)
+        return state, signals.replace(displacement=y * (1.0 + bend))
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Reading wanted to displacement; exact on the rising part of the curve about zero, its end beyond."""
         out = np.empty_like(signals.displacement)
-        quadratic, cubic = self._powers
-        _unbend(signals.displacement, out, quadratic, cubic, *_rising_part(quadratic, cubic))
+        _unbend(signals.displacement, out, np.array([1.0, *self._powers]), *self._rising_part)
         return state, signals.replace(displacement=out)
 
     @property
-    def _powers(self) -> tuple[float, float]:
-        """Coefficients of y^2 [1/m] and of y^3 [1/m^2]."""
+    def _powers(self) -> tuple[float, ...]:
+        """Coefficients of y^2 [1/m] to y^5 [1/m^4]."""
         return (
             self.amplitude * math.cos(self.mix) / self.range,
             self.amplitude * math.sin(self.mix) / self.range**2,
+            self.quartic / self.range**3,
+            self.quintic / self.range**4,
         )
 
-
-def _rising_part(quadratic: float, cubic: float) -> tuple[float, float]:
-    """Where the curve rises about zero [m]: between the roots of 1 + 2 q y + 3 c y^2 next to it."""
-    root = quadratic * quadratic - 3.0 * cubic
-    turns = (
-        [-1.0 / (quadratic + s * math.sqrt(root)) for s in (1, -1) if quadratic + s * math.sqrt(root)]
-        if root > 0
-        else []
-    )
-    below, above = [y for y in turns if y < 0.0], [y for y in turns if y > 0.0]
-    return max(below, default=-math.inf), min(above, default=math.inf)
+    @property
+    def _rising_part(self) -> tuple[float, float]:
+        """Where the curve rises about zero [m]: between the turns next to it."""
+        slope = [1.0, *(n * power * self.range ** (n - 1) for n, power in enumerate(self._powers, start=2))]
+        roots = np.polynomial.polynomial.polyroots(slope)
+        turns = np.real(roots[np.abs(np.imag(roots)) < 1e-12]) * self.range
+        below, above = turns[turns < 0.0], turns[turns > 0.0]
+        return float(np.max(below, initial=-math.inf)), float(np.min(above, initial=math.inf))
 
 
 @njit(cache=True)
-def _unbend(reading: Array, out: Array, quadratic: float, cubic: float, low: float, high: float) -> None:
+def _unbend(reading: Array, out: Array, powers: Array, low: float, high: float) -> None:
     """Newton's method from the straight line, kept within the rising part by halving."""
     for k in range(reading.size):
         below, above = low, high
         y = min(max(reading[k], low), high)
         for _ in range(60):
-            miss = y * (1.0 + y * (quadratic + y * cubic)) - reading[k]
+            miss, slope = 0.0, 0.0
+            for n in range(powers.size - 1, -1, -1):
+                miss = y * (powers[n] + miss)
+                slope = (n + 1) * powers[n] + y * slope
+            miss -= reading[k]
             if miss > 0.0:
                 above = y
             else:
                 below = y
-            slope = 1.0 + y * (2.0 * quadratic + 3.0 * y * cubic)
             ahead = y - miss / slope if slope > 0.0 else math.inf
             if not below <= ahead <= above:
                 ahead = 0.5 * (below + above) if math.isfinite(below) and math.isfinite(above) else 2.0 * y

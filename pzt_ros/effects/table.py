@@ -6,7 +6,7 @@ import itertools
 import math
 
 from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
-from pzt_ros.effects.amplifier_current_limit import AmplifierCurrentLimit
+from pzt_ros.effects.amplifier_current_limit import AmplifierChargeLimit, AmplifierCurrentLimit
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.confounded import CONFOUNDED
 from pzt_ros.effects.effect import AT_COMMAND, AT_DISPLACEMENT, AT_FIELD, AT_POLARIZATION, AT_SENSOR, Effect
@@ -20,6 +20,9 @@ from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.thermal_drift import ThermalDrift
+
+_MODES = tuple(25.0 * 1.25**step for step in range(24))
+"""Frequencies to look for a mode at [Hz], up to 4 kHz: at this damping one answers within a quarter of itself."""
 
 
 def _starts(**values: tuple[float, ...]) -> tuple[dict[str, float], ...]:
@@ -48,8 +51,9 @@ EFFECTS: tuple[Effect, ...] = (
         link=AmplifierCurrentLimit,
         place=AT_COMMAND,
         amplitude="inverse_slew",
-        starts=_grid(inverse_slew=(1e-5, 3e-5, 1e-4, 3e-4, 1e-3)),
+        starts=_grid(inverse_slew=(1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3)),
         free=("inverse_slew",),
+        limits=True,
         absence="an error right after the fastest steps of the drive, gone once the voltage has caught up",
         next_experiment="steps of several heights with the voltage at the ceramic logged: the slope stays the same",
     ),
@@ -63,6 +67,17 @@ EFFECTS: tuple[Effect, ...] = (
         free=("bias_voltage", "drift_share", "time_constant"),
         absence="a loop that lies off centre, or moves along the voltage as the run goes on",
         next_experiment="a bipolar loop through saturation: its two coercive voltages differ by twice the bias",
+    ),
+    Effect(
+        link=AmplifierChargeLimit,
+        place=AT_POLARIZATION,
+        amplitude="inverse_current_density",
+        starts=_grid(inverse_current_density=(1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.2, 0.4, 0.8, 1.6)),
+        free=("inverse_current_density",),
+        limits=True,
+        variant_of=AmplifierCurrentLimit.kind,
+        absence="an error right after the drive crosses the coercive field fast, gone once the charge has caught up",
+        next_experiment="steps of several heights with the current logged: it stays at one value",
     ),
     Effect(
         link=PolarizationFatigue,
@@ -109,7 +124,7 @@ EFFECTS: tuple[Effect, ...] = (
         link=MechanicalResonance,
         place=AT_DISPLACEMENT,
         amplitude="share",
-        starts=_grid(share=(1e-3,), frequency=(30.0, 70.0, 160.0, 350.0, 800.0, 1800.0, 4000.0), damping_ratio=(0.05,)),
+        starts=_grid(share=(1e-3,), frequency=_MODES, damping_ratio=(0.08,)),
         free=("share", "frequency", "damping_ratio"),
         absence="ringing after steps and turns, and a band of the spectrum about one frequency",
         next_experiment="a small step or a chirp sampled at ten times the suspected frequency",
@@ -140,7 +155,8 @@ EFFECTS: tuple[Effect, ...] = (
         place=AT_SENSOR,
         amplitude="amplitude",
         starts=_grid(amplitude=(1e-4,), mix=(0.0, 0.25 * math.pi, 0.5 * math.pi, 0.75 * math.pi)),
-        free=("amplitude", "mix"),
+        free=("amplitude", "mix", "quartic", "quintic"),
+        linear=("amplitude", "quartic", "quintic"),
         absence="an error that is a curve over the displacement, the same on both branches of a loop and at every rate",
         next_experiment="the same run with the sensor moved by half its range: the curve stays with the reading",
     ),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 from scipy import optimize
 
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
@@ -18,6 +20,7 @@ from pzt_ros.sysid.covariance import correlation_length, effective_samples, para
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import FreeParameter, free_parameters, without_noise
 from pzt_ros.sysid.problem import Problem, distinguishable
+from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, check_usable, rms
 from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, first_guesses, settle, voltage_bounds, with_offset
@@ -39,13 +42,17 @@ class Fit:
         chain: the model; its `free:` names what may move, its values are where the search starts.
         span: the part of each run that counts; the chain runs from the first sample in any case.
         most_samples: residuals taken of each run; of a longer one evenly chosen samples.
-        progress: is told the number of the evaluation and the rms [m].
+        profile: whether to find the profile interval of each parameter, too.
+        progress: is told what is being done.
+        workers: run the chain, a run and a change of a parameter at a time, and find intervals, one at a time.
     """
 
     chain: Chain
     span: Span = Span()  # noqa: RUF009 - frozen
     most_samples: int = 20_000
-    progress: Callable[[int, float], None] = lambda number, error: None
+    profile: bool = False
+    progress: Callable[[str], None] = lambda text: None
+    workers: Workers = IN_THIS_PROCESS
 
     def fit(self, records: Sequence[Record]) -> FitResult:
         """The parameters that describe all runs together.
@@ -59,12 +66,42 @@ class Fit:
         free = free_parameters(self.chain)
         _check_runs(records, self.span, _SAMPLES_PER_PARAMETER * len(free))
         parts = [counted_part(record, self.span, self.most_samples) for record in records]
-        guesses = list(zip(*(first_guesses(chain, part) for part in parts), strict=True))
-        problem = Problem(chain, free, parts, guesses[0], self.progress)
+        guesses = list(zip(*self.workers.map(first_guesses, repeat(chain), parts), strict=True))
+        problem = Problem(chain, free, parts, guesses[0], self._pass, self.workers)
         kept, held = distinguishable(problem) if "free" not in self.chain.notes else (list(free), [])
         problem.free = kept
         problem, vector = _with_best_histories(*_best_of(problem, guesses))
-        return _result(self.chain, problem, vector, held)
+        intervals: list[Interval | None] = [None] * len(kept)
+        if self.profile:
+            vector, intervals = self._profiled(problem, vector)
+        return _result(self.chain, problem, vector, held, intervals)
+
+    def _pass(self, number: int, error: float) -> None:
+        self.progress(f"pass {number}, {error * 1e9:.4g} nm rms")
+
+    def _profiled(self, problem: Problem, vector: Array) -> tuple[Array, list[Interval | None]]:
+        """Interval of each free parameter, and the vector; another one where a fit on the way was better.
+
+        There is no interval of any where the misfit has so many valleys that no end is found.
+        """
+        alone = replace(problem, progress=_silent, workers=IN_THIS_PROCESS)  # what can be sent to a worker
+        found: list[Interval | None] = []
+        for _ in range(_ROUNDS):
+            self.progress("profile: the optimum to more digits")
+            profile, found = Profile(problem, vector, problem.bounds), []
+            profile.problem = alone
+            try:
+                for interval in self.workers.map(profile.interval, range(len(problem.free))):
+                    found.append(interval)
+                    self.progress(f"profile: {len(found)} of {len(problem.free)} parameters")
+                return profile.best.vector, found
+            except BetterFitError as better:
+                vector = better.args[0]
+        return vector, [None] * len(problem.free)
+
+
+def _silent(number: int, error: float) -> None:
+    pass
 
 
 def _check_runs(records: Sequence[Record], span: Span, least: int) -> None:
@@ -120,13 +157,17 @@ def _with_best_histories(problem: Problem, vector: Array) -> tuple[Problem, Arra
     for _ in range(_ROUNDS):
         chain, columns = problem.chain_at(vector), len(problem.free)
         tangents = [jacobian[:, :columns] for jacobian in problem.jacobians(vector)]
-        pairs = zip(problem.parts, tangents, strict=True)
-        problem = _restarted(problem, chain, [settle(chain, part, tangent=tangent) for part, tangent in pairs])
+        starts = list(problem.workers.map(_settled, repeat(chain), problem.parts, tangents))
+        problem = _restarted(problem, chain, starts)
         vector = _solve(problem, _LONG)
         if not _is_better(problem, vector, best, best_vector):
             break
         best, best_vector = problem, vector
     return best, best_vector
+
+
+def _settled(chain: Chain, part: CountedPart, tangent: Array) -> Start:
+    return settle(chain, part, tangent=tangent)
 
 
 def _is_better(problem: Problem, vector: Array, other: Problem, other_vector: Array) -> bool:
@@ -140,12 +181,18 @@ def _is_better(problem: Problem, vector: Array, other: Problem, other_vector: Ar
 
 def _restarted(problem: Problem, chain: Chain, starts: Sequence[Start]) -> Problem:
     free = [replace(p, value=float(getattr(chain.links[p.place], p.field))) for p in problem.free]
-    again = Problem(chain, free, problem.parts, starts, problem.progress)
+    again = replace(problem, chain=chain, free=free, starts=starts)
     again.evaluations = problem.evaluations
     return again
 
 
-def _result(given: Chain, problem: Problem, vector: Array, held: Sequence[FreeParameter]) -> FitResult:
+def _result(
+    given: Chain,
+    problem: Problem,
+    vector: Array,
+    held: Sequence[FreeParameter],
+    intervals: Sequence[Interval | None],
+) -> FitResult:
     residuals = problem.residuals(vector)
     covariance, undetermined = parameter_covariance(problem.jacobians(vector, central=True), residuals)
     low, high = problem.bounds
@@ -153,7 +200,7 @@ def _result(given: Chain, problem: Problem, vector: Array, held: Sequence[FreePa
     std = np.sqrt(np.diag(covariance))
     std[undetermined] = np.inf
     estimates = []
-    for index, parameter in enumerate(problem.free):
+    for index, (parameter, interval) in enumerate(zip(problem.free, intervals, strict=True)):
         value = parameter.to_si(float(vector[index]))
         estimates.append(
             Estimate(
@@ -162,6 +209,7 @@ def _result(given: Chain, problem: Problem, vector: Array, held: Sequence[FreePa
                 float(std[index]) * abs(parameter.slope(value)),
                 parameter.declared.unit,
                 bool(at_bound[index]),
+                interval.through(parameter.to_si) if interval is not None else None,
             )
         )
     count = len(estimates)

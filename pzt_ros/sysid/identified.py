@@ -10,13 +10,13 @@ import copy
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import own_threads, threads
 from pzt_ros.physics import identified_lattice_kernel as kernel
 from pzt_ros.physics.identified_hats import hat_sums, hats_of, node_count, nodes_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
@@ -220,9 +220,7 @@ class IdentifiedHysteresis:
         return found[: len(asked)], jacobians
 
     def _together(self, tasks: Sequence[Callable[[], Array]]) -> list[Array]:
-        if self.workers < 2 or len(tasks) < 2:
-            return [task() for task in tasks]
-        with ThreadPoolExecutor(self.workers) as pool:
+        with threads(own_threads(min(self.workers, len(tasks)))) as pool:
             return list(pool.map(lambda task: task(), tasks))
 
     def _rest(self, vector: Array, run: int, voltages: Array) -> Rest:

@@ -10,6 +10,9 @@ import numpy as np
 from pzt_ros.physics.signals import Array
 
 _NORMAL = 1.4826  # standard deviation over median absolute value, for normal noise
+_TRIM = 3.0  # standard deviations from which a third difference counts as an outlier
+_LEFT = 0.97334  # of a normal variance within three standard deviations
+_TRIMS = 4
 _THIRD_DIFFERENCE = math.sqrt(20.0)  # 1 + 9 + 9 + 1: what a third difference makes of white noise
 
 
@@ -39,7 +42,7 @@ class NoiseFloor:
 
 
 def noise_floor(displacement: Array) -> NoiseFloor:
-    """Noise floor of evenly sampled displacement [m]: median absolute third difference over sqrt 20.
+    """Noise floor of evenly sampled displacement [m]: spread of its third differences over sqrt 20.
 
     Right to 15 % for white noise on a signal that is smooth between samples; far too small where the sensor filters.
     """
@@ -54,6 +57,18 @@ def noise_floor(displacement: Array) -> NoiseFloor:
 
 
 def _third_difference(values: Array) -> float:
+    """Of the third differences the spread of those that are no outliers.
+
+    The median finds the scale whatever the outliers are; the squares within three of it, which do not mind the steps of
+    a quantised reading, say it to a third of the median's scatter.
+    """
     if values.size < 8:
         return 0.0
-    return float(_NORMAL * np.median(np.abs(np.diff(values, n=3))) / _THIRD_DIFFERENCE)
+    sizes = np.abs(np.diff(values, n=3))
+    scale = float(_NORMAL * np.median(sizes))
+    for _ in range(_TRIMS):
+        kept = sizes[sizes <= _TRIM * scale]
+        if not kept.size or scale == 0.0:
+            break
+        scale = math.sqrt(float(np.mean(kept**2)) / _LEFT)
+    return scale / _THIRD_DIFFERENCE

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 
 import numpy as np
 
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.parameters import FreeParameter, with_values
@@ -31,6 +33,7 @@ class Problem:
         parts: the counted samples of each run.
         starts: the history of each run; how many prior reversals it has is fixed here.
         progress: is told the number of the evaluation and the rms [m].
+        workers: run the chain, a run and a step at a time.
     """
 
     chain: Chain
@@ -38,6 +41,7 @@ class Problem:
     parts: Sequence[CountedPart]
     starts: Sequence[Start]
     progress: Callable[[int, float], None] = lambda number, error: None
+    workers: Workers = IN_THIS_PROCESS
     evaluations: int = field(default=0, init=False)
 
     @property
@@ -62,7 +66,7 @@ class Problem:
 
     def chain_at(self, vector: Array) -> Chain:
         """The chain with the free parameters of the vector."""
-        return with_values(self.chain, self.free, [p.to_si(float(v)) for p, v in zip(self.free, vector, strict=False)])
+        return _valued(self.chain, self.free, vector)
 
     def starts_at(self, vector: Array) -> list[Start]:
         """The histories of the vector; their offsets are as they were."""
@@ -74,16 +78,12 @@ class Problem:
             starts.append(replace(start, prior_voltages=tuple(low + share * (high - low) for share in shares)))
         return starts
 
-    def residual_of(self, number: int, vector: Array) -> Array:
-        """Measurement minus model of one run, its mean taken out [m, shape (n,)]."""
-        part, start = self.parts[number], self.starts_at(vector)[number]
-        model = free_run(self.chain_at(vector), part.record, replace(start, offset=0.0), part.picks, part.end)
-        difference = part.displacement - model.displacement
-        return difference - difference.mean()
-
     def residuals(self, vector: Array) -> list[Array]:
-        """Of every run."""
-        found = [self.residual_of(number, vector) for number in range(len(self.parts))]
+        """Measurement minus model of every run, its mean taken out [m, each shape (n,)]."""
+        starts = self.starts_at(vector)
+        found = list(
+            self.workers.map(_misfit, repeat(self.chain), repeat(self.free), repeat(vector), self.parts, starts)
+        )
         self.evaluations += 1
         self.progress(self.evaluations, rms(np.concatenate(found)))
         return found
@@ -95,29 +95,36 @@ class Problem:
             vector: where.
             central: two-sided and better by an order, where the bounds leave room; twice as slow.
         """
+        return self.linearise(vector, central)[1]
+
+    def linearise(self, vector: Array, central: bool = False) -> tuple[list[Array], list[Array]]:
+        """Residual of every run, and its Jacobian."""
         here = self.residuals(vector)
         found = [np.zeros((residual.size, vector.size)) for residual in here]
-        low, high = self.bounds
-        for column in range(vector.size):
-            up, down = vector.copy(), vector.copy()
-            up[column] = min(vector[column] + STEP, high[column])
-            down[column] = max(vector[column] - STEP, low[column])
-            for number in self._runs_of(column):
-                above = self._allowed(number, up)
-                below = self._allowed(number, down) if central or above is None else None
-                left = (here[number], vector) if below is None else (below, down)
-                right = (here[number], vector) if above is None else (above, up)
-                step = right[1][column] - left[1][column]
-                if step > 0.0:
-                    found[number][:, column] = (right[0] - left[0]) / step
-        return found
+        places = [(number, column) for column in range(vector.size) for number in self._runs_of(column)]
+        ups = self._moved(vector, places, STEP)
+        again = [place for place, up in zip(places, ups, strict=True) if central or up is None]
+        downs = dict(zip(again, self._moved(vector, again, -STEP), strict=True))
+        for (number, column), up in zip(places, ups, strict=True):
+            middle = (vector[column], here[number])
+            (low, below), (high, above) = downs.get((number, column)) or middle, up or middle
+            if high > low:
+                found[number][:, column] = (above - below) / (high - low)
+        return here, found
 
-    def _allowed(self, number: int, vector: Array) -> Array | None:
-        """Residual of one run, or None where a link refuses the combination of values."""
-        try:
-            return self.residual_of(number, vector)
-        except BenchError:
-            return None
+    def _moved(self, vector: Array, places: Sequence[tuple[int, int]], step: float) -> list[tuple[float, Array] | None]:
+        """The moved coordinate and the residual there, by run and column; None where a bound or a link forbids it."""
+        low, high = self.bounds
+        vectors = [vector.copy() for _ in places]
+        for moved, (_, column) in zip(vectors, places, strict=True):
+            moved[column] = min(max(vector[column] + step, low[column]), high[column])
+        parts = [self.parts[number] for number, _ in places]
+        starts = [self.starts_at(moved)[number] for moved, (number, _) in zip(vectors, places, strict=True)]
+        found = self.workers.map(_misfit_or_none, repeat(self.chain), repeat(self.free), vectors, parts, starts)
+        return [
+            (float(moved[column]), residual) if residual is not None and moved[column] != vector[column] else None
+            for (_, column), moved, residual in zip(places, vectors, found, strict=True)
+        ]
 
     def _runs_of(self, column: int) -> Sequence[int]:
         """Runs on which a coordinate acts: all for a parameter, its own for a prior reversal."""
@@ -125,6 +132,28 @@ class Problem:
             return range(len(self.parts))
         owners = [number for number, start in enumerate(self.starts) for _ in start.prior_voltages]
         return [owners[column - len(self.free)]]
+
+
+def _valued(chain: Chain, free: Sequence[FreeParameter], vector: Array) -> Chain:
+    return with_values(chain, free, [p.to_si(float(v)) for p, v in zip(free, vector, strict=False)])
+
+
+def _misfit(chain: Chain, free: Sequence[FreeParameter], vector: Array, part: CountedPart, start: Start) -> Array:
+    """Measurement minus model of one run, its mean taken out [m, shape (n,)]."""
+    model = free_run(_valued(chain, free, vector), part.record, replace(start, offset=0.0), part.picks, part.end)
+    difference = part.displacement - model.displacement
+    centred: Array = difference - difference.mean()
+    return centred
+
+
+def _misfit_or_none(
+    chain: Chain, free: Sequence[FreeParameter], vector: Array, part: CountedPart, start: Start
+) -> Array | None:
+    """The same, or None where a link refuses the combination of values."""
+    try:
+        return _misfit(chain, free, vector, part, start)
+    except BenchError:
+        return None
 
 
 def distinguishable(problem: Problem) -> tuple[list[FreeParameter], list[FreeParameter]]:

@@ -16,6 +16,7 @@ from rich.text import Text
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.noise import NoiseFloor
+from pzt_ros.sysid.profile import Interval
 from pzt_ros.sysid.run import Start
 
 SETTLE_TIME = 1.0
@@ -26,13 +27,38 @@ _STRONG_CORRELATION = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter [SI]; `std` is infinite where the runs do not determine it."""
+    """One fitted parameter [SI].
+
+    Attributes:
+        name, value, unit: of it.
+        std: standard error; infinite where the runs do not determine it.
+        at_bound: whether it ended at a bound of its declaration.
+        interval: 95 %, from the profile of the misfit; None where that was not asked for, or not found.
+    """
 
     name: str
     value: float
     std: float
     unit: str
     at_bound: bool
+    interval: Interval | None = None
+
+    def as_data(self) -> dict[str, Any]:
+        """SI numbers; an end of the interval is null where the parameter's bound comes first."""
+        found = {"value": self.value, "std": self.std, "unit": self.unit}
+        if self.interval is None:
+            return found
+        return {**found, "interval_95": [self.interval.lower, self.interval.upper]}
+
+    @property
+    def interval_in_words(self) -> str:
+        """Of the table; "at least" and "at most" where one end is the parameter's bound."""
+        if self.interval is None:
+            return "-"
+        lower, upper = (None if end is None else f"{end:.4g}" for end in (self.interval.lower, self.interval.upper))
+        if lower is None or upper is None:
+            return f"at least {lower}" if lower else f"at most {upper}" if upper else "anything"
+        return f"{lower} to {upper}"
 
 
 @dataclass(frozen=True)
@@ -110,7 +136,7 @@ class FitResult:
             "command": command,
             "versions": versions(),
             "runs": [_run_as_data(run) for run in self.runs],
-            "parameters": {e.name: {"value": e.value, "std": e.std, "unit": e.unit} for e in self.estimates},
+            "parameters": {e.name: e.as_data() for e in self.estimates},
             "correlated": [{"pair": [a, b], "r": round(r, 4)} for a, b, r in self.strongly_correlated],
             "correlation": [[round(float(r), 4) for r in row] for row in self.correlation],
             "at_bounds": self.at_bounds,
@@ -130,12 +156,21 @@ class FitResult:
 
     def _parameter_table(self) -> Table:
         table = Table(title=f"{self.chain.name}: parameters", title_justify="left")
-        for name in ("parameter", "value", "± std", "unit", "remark"):
-            table.add_column(name, justify="right" if name in ("value", "± std") else "left")
-        for e in self.estimates:
-            known = math.isfinite(e.std)
-            remark = "at its bound" if e.at_bound else "" if known else "not determined by these runs"
-            table.add_row(e.name, f"{e.value:.5g}", f"{e.std:.2g}" if known else "-", e.unit, remark)
+        remarks = [_remark(e) for e in self.estimates]
+        rows = {
+            "parameter": [e.name for e in self.estimates],
+            "value": [f"{e.value:.5g}" for e in self.estimates],
+            "± std": [f"{e.std:.2g}" if math.isfinite(e.std) else "-" for e in self.estimates],
+            "95 %": [e.interval_in_words for e in self.estimates] if any(e.interval for e in self.estimates) else [],
+            "unit": [e.unit for e in self.estimates],
+            "remark": remarks if any(remarks) else [],
+        }
+        shown = {name: cells for name, cells in rows.items() if cells}
+        for name in shown:
+            words = name in ("parameter", "unit", "remark")
+            table.add_column(name, justify="left" if words else "right", no_wrap=not words, overflow="fold")
+        for row in zip(*shown.values(), strict=True):
+            table.add_row(*row)
         return table
 
     def _run_table(self) -> Table:
@@ -175,6 +210,12 @@ class FitResult:
                 " of the residual, not that"
             )
         return lines
+
+
+def _remark(estimate: Estimate) -> str:
+    if estimate.at_bound:
+        return "at its bound"
+    return "" if math.isfinite(estimate.std) else "not determined by these runs"
 
 
 def versions() -> dict[str, str]:

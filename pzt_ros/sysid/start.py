@@ -31,6 +31,7 @@ _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
 _LEVELS = 7
 _CLEAN = 1.05  # rms over noise
+_HOPELESS = 2.0  # rms of the best on the grid over what it has to beat, from which refining it is not worth while
 _REFINED = 4
 PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
@@ -105,7 +106,10 @@ def settle(
     for count in range(1, LONGEST + 1):
         if rms(best_residual) <= _CLEAN * noise:
             break
-        start = _refined(searched, _best_of_grid(searched, part.record, count, leg), part.record)
+        near = _best_of_grid(searched, part.record, count, leg)
+        if rms(searched(near[0])) > _HOPELESS * rms(searched(best)):
+            continue
+        start = _refined(searched, near, part.record)
         residual = misfit(start)
         if _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
             best, best_residual = start, residual

@@ -77,9 +77,14 @@ def test_fit_writes_a_model_with_its_uncertainty(folder: Path, fit_output: dict[
 
 def test_fit_prints_a_report(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("fit", folder / "run.csv", "--model", folder / "guess.yaml", "--out", folder / "other.yaml")
-    assert pzt(monkeypatch, *words, "--until", 3) == 0
+    monkeypatch.setenv("COLUMNS", "120")
+    assert pzt(monkeypatch, *words, "--until", 3, "--profile") == 0
     printed = capsys.readouterr()
     assert "relaxation_time" in printed.out
+    for found in load_chain(folder / "other.yaml").notes["fit"]["parameters"].values():
+        low, high = found["interval_95"]
+        assert low < found["value"] < high
+        assert f"{low:.4g} to" in printed.out
     assert "other.yaml" in printed.out
     assert printed.err == ""  # no progress where the output is no terminal
 

@@ -138,7 +138,7 @@ def test_trial_holds_the_report_against_the_truth(tmp_path):
 
 
 def test_trial_makes_the_proposed_experiment(tmp_path):
-    found = Trial(tmp_path, names_nothing_twice)(HUM)
+    found = Trial(tmp_path, names_nothing_twice)(dataclasses.replace(HUM, kind="confounded"))
     assert (found.verdict, found.separated) == (said.PAIR, True)
 
 

@@ -154,6 +154,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("a.csv --test tenfold.csv", "tenfold.csv: moves by"),
         ("a.csv --test volts.csv", "each over its own range of voltage"),
         ("a.csv --test b.csv --out file", "--out file: cannot be written"),
+        ("a.csv --test b.csv --jobs 2 --dask tcp://host:8786", "give one of them"),
+        ("a.csv --test b.csv --dask localhost", "--dask localhost: is no address of a scheduler"),
     ],
 )
 def test_a_mistake_ends_in_one_line_and_code_2(

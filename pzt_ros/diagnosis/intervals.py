@@ -1,0 +1,38 @@
+"""Profile intervals of a hypothesis' parameters: what the runs allow, where a standard error may say anything.
+
+A share that ends at 1, or a delay that a bandwidth stands for, has a standard error without meaning and a useful bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
+
+_ROUNDS = 3
+
+
+def intervals(found: Hypothesis, links: Collection[str]) -> dict[str, Interval]:
+    """95 % intervals [SI] of the stage's parameters of some links, by `link.parameter`.
+
+    Empty where refits go on finding better fits: then the misfit has more valleys than the search has seen.
+
+    Args:
+        found: refitted, with its ceramic exact where the fit ended.
+        links: kinds, such as the names of its effects.
+    """
+    staged, vector = found.staged, found.solution.vector
+    first = staged.start.size - len(staged.coordinates)
+    asked = [
+        (place, each)
+        for place, each in enumerate(staged.coordinates, start=first)
+        if each.kind in links and each.run is None
+    ]
+    for _ in range(_ROUNDS):
+        profile = Profile(staged, vector, staged.bounds, staged.prior)
+        try:
+            return {each.name: profile.interval(place).through(each.si) for place, each in asked}
+        except BetterFitError as better:
+            vector = better.args[0]
+    return {}

@@ -1,0 +1,68 @@
+"""The declared ceramic in a search: a lattice stays affordable wherever its parameters go, and is right there."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis import declared
+from pzt_ros.diagnosis.coordinates import coordinate
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.physics.lattice import Lattice
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.records import Record
+
+
+def lattice() -> Lattice:
+    """The shipped P802's, simulated more exactly than it is shipped."""
+    shipped = next(link for link in load_chain("p802").links if isinstance(link, Lattice))
+    return dataclasses.replace(shipped, spacing=0.5, accuracy=1e-5)
+
+
+def searched(link: Lattice) -> DeclaredHysteresis:
+    """The ceramic with its domain volume free."""
+    time = np.arange(0.0, 2.0, 2e-3)
+    voltage = 60.0 - 60.0 * np.cos(2.0 * np.pi * time)
+    record = Record("loop", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
+    return DeclaredHysteresis(link, link, [coordinate(link, "domain_volume")], [record], [])
+
+
+def domains(link: Lattice) -> int:
+    """As many as are simulated."""
+    coercive, interaction = link.nodes()
+    return coercive[0].size * interaction[0].size
+
+
+def polarization(link: Lattice) -> Array:
+    """Over two cycles of a sine to 120 V."""
+    time = np.arange(0.0, 2.0, 2e-3)
+    voltage = 60.0 - 60.0 * np.cos(2.0 * np.pi * time)
+    return link.step(link.init(Rest()), Signals(time=time, voltage=voltage))[1].polarization
+
+
+def test_a_lattice_as_declared_is_left_alone() -> None:
+    link = lattice()
+    ceramic = searched(link)
+    assert ceramic.link(ceramic.start) == link
+
+
+def test_domains_are_no_more_than_can_be_waited_for() -> None:
+    ceramic = searched(lattice())
+    for larger in (10.0, 1e3):  # the thermal width falls with the root of the domain volume
+        found = ceramic.link(ceramic.start + np.log(larger))
+        assert isinstance(found, Lattice)
+        assert found.domain_volume == pytest.approx(larger * lattice().domain_volume)
+        assert domains(found) <= 1.05 * declared._MOST_DOMAINS
+
+
+def test_fewer_domains_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = dataclasses.replace(lattice(), domain_volume=2.0 * lattice().domain_volume)
+    exact = polarization(link)
+    monkeypatch.setattr(declared, "_MOST_DOMAINS", domains(link) // 3)
+    ceramic = searched(link)
+    fewer = ceramic.link(ceramic.start)
+    assert domains(fewer) < 0.4 * domains(link)
+    assert np.std(polarization(fewer) - exact) < 1.5e-3 * np.ptp(exact)
