@@ -39,6 +39,8 @@ class DeclaredHysteresis:
         starts: their histories.
     """
 
+    far = 5.0  # the front model is off by a fraction of the noise of a good sensor
+
     def __init__(
         self,
         model: Ferroelectric,

@@ -7,6 +7,7 @@ does not come down to the noise, effects are looked for on this base.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -29,7 +30,7 @@ from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.run import Start
 
 _STEPS = 4
-_CLEAN = 1.1  # residual over noise where nothing was fitted: the starts need not be doubted
+_CLEAN = 2.0  # residual over noise where nothing was fitted: the starts need not be doubted, which takes long
 _BETTER = 0.98
 _AT_REST = 0.02  # of the largest voltage
 _ROTATIONS, _ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
@@ -44,6 +45,8 @@ class FlexibleHysteresis(IdentifiedHysteresis):
     and thermal field. So once `exact_at` has taken the tangent somewhere, a copy goes along it: refits with effects
     behind the ceramic then cost no pass over the lattice, those with effects before it one for each new voltage.
     """
+
+    far = math.inf  # how far the tangent is off depends on how far the search went
 
     _at: tuple[Array, list[Array], list[Array], list[Array]] | None = None
     """Where the tangent was taken: vector, voltages, polarizations, columns of every run."""

@@ -122,8 +122,11 @@ def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_ste
 def exact(found: Hypothesis) -> Hypothesis:
     """The same fitted with its ceramic exact where the fit ended, until that is where it stays.
 
-    A fit along a tangent may promise what the model does not keep, so a step that makes it worse is taken back.
+    A fit along a tangent may promise what the model does not keep, so a step that makes it worse is taken back. Where
+    the misfit is far larger than what the ceramic is off by, it stays as it is.
     """
+    if max(found.ratios) > found.staged.ceramic.far:
+        return found
     best = _exact_here(found)
     for _ in range(_CORRECTIONS):
         if best.staged.ceramic is found.staged.ceramic:

@@ -29,6 +29,8 @@ _optimize: Any = optimize  # SciPy carries no types
 
 _SIMPLEX = 0.3  # of a coordinate: a third more or less of a time or a frequency
 _SHAPES = 30
+_SLOWEST = 10.0  # time constant over the longest run
+_SHARES = (1.0, 0.5, 0.2, 0.0)
 _LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
 
 
@@ -40,15 +42,37 @@ class Prospect:
         effect: which.
         link: of the effect, in the shape that was tried.
         staged: the model with the effect in it.
-        start: where the refit starts.
+        without: the base where it was, in the effect's shape but none of it.
+        start: where the linear prediction puts base and effect.
         total: as `Hypothesis.total`, predicted linearly.
     """
 
     effect: Effect
     link: Link
     staged: Staged
+    without: Array
     start: Array
     total: float
+
+    def best_start(self) -> Array:
+        """Of a few vectors on the way to `start` the one of least cost: the prediction may lead too far.
+
+        Raises:
+            BenchError: the model cannot be evaluated at any.
+        """
+        tried = [self.without + share * (self.start - self.without) for share in _SHARES]
+        costs = [self._cost(vector) for vector in tried]
+        if not math.isfinite(min(costs)):
+            raise BenchError(f"{self.effect.name}: the model cannot be evaluated where a refit would start")
+        return tried[int(np.argmin(costs))]
+
+    def _cost(self, vector: Array) -> float:
+        rows, targets = self.staged.prior
+        left = rows @ vector - targets
+        try:
+            return sum(float(r @ r) for r in self.staged.residuals(vector)) + float(left @ left)
+        except BenchError:
+            return math.inf
 
 
 class Screen:
@@ -125,7 +149,8 @@ class Screen:
 
     def _prospect(self, effect: Effect, link: Link) -> Prospect:
         hypothesis = self.hypothesis
-        added = of_effect(effect, link, range(len(hypothesis.staged.runs)))
+        runs = range(len(hypothesis.staged.runs))
+        added = [self._within_sight(effect, each) for each in of_effect(effect, link, runs)]
         chain = with_effect(hypothesis.staged.chain, link)
         staged = replace(hypothesis.staged, chain=chain, coordinates=(*hypothesis.staged.coordinates, *added))
         shape = np.array([0.0 if each.field in effect.columns else each.scaled(each.start) for each in added])
@@ -134,12 +159,23 @@ class Screen:
         if effect.limits:  # half of such an effect is no effect of half the size
             limits = np.ones_like(limits)
         amounts, shift, total = self._explained(signatures, ahead, bool(effect.per_run), limits)
-        shape[places] = amounts
         low, high = staged.bounds
+        without = np.clip(np.concatenate((hypothesis.vector, shape)), low, high)
+        shape[places] = amounts
         longest = float(np.max(np.abs(shift[: hypothesis.staged.ceramic.start.size]), initial=0.0))
         shift = shift * min(1.0, _LONGEST_SHIFT / longest) if longest > 0.0 else shift
         start = np.clip(np.concatenate((hypothesis.vector + shift, shape)), low, high)
-        return Prospect(effect, link, staged, start, total)
+        return Prospect(effect, link, staged, without, start, total)
+
+    def _within_sight(self, effect: Effect, each: Coordinate) -> Coordinate:
+        """A time within what the runs can tell: faster is a gain, slower a straight line, whatever their amounts."""
+        if each.unit != "s" or each.field in effect.columns:
+            return each
+        times = [run.record.time for run in self.hypothesis.staged.runs]
+        shortest = min(float(np.median(np.diff(time))) for time in times)
+        longest = _SLOWEST * max(float(time[-1] - time[0]) for time in times)
+        lower, upper = max(each.lower, shortest), min(each.upper, longest)
+        return replace(each, start=min(max(each.start, lower), upper), lower=lower, upper=upper)
 
     def _signatures(
         self, effect: Effect, staged: Staged, added: Sequence[Coordinate], shape: Array

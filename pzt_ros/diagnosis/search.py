@@ -284,7 +284,7 @@ def _rivals_best(candidate: Candidate, found: Sequence[Candidate]) -> bool:
 
 def _fitted(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
     try:
-        return fitted(prospect.staged, prospect.start, (*effects, prospect.effect.name), _REFIT_STEPS)
+        return fitted(prospect.staged, prospect.best_start(), (*effects, prospect.effect.name), _REFIT_STEPS)
     except BenchError:
         return None
 

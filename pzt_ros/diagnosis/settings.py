@@ -28,7 +28,7 @@ class Thresholds:
     fit_gain: float = 25.0
     selection_gain: float = 10.0
     size: float = 0.1
-    promise: float = 0.002
+    promise: float = 0.003
     share: float = 0.5
     half_share: float = 0.2
     pair_share: float = 0.8

@@ -36,6 +36,8 @@ class Hysteresis(Protocol):
     start: Array
     lower: Array
     upper: Array
+    far: float
+    """Rms over noise of a misfit beside which the approximation does not count."""
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         """P of each run [C/m^2, each shape (n,)]."""

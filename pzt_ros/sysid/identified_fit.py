@@ -1,13 +1,15 @@
 """The identified lattice and a strain law fitted to measured runs; how fine and how smooth is left to held-out samples.
 
-The search is on thinned runs; resolution and prior are compared on the last part of each, which it has not seen. Only
-the steps with what was chosen are on every sample.
+The search is on thinned runs; resolution, prior and order of the law are compared on runs that only choose, or else on
+the last part of each, which it has not seen. Runs that choose should go elsewhere than those that are fitted: between
+loops of one amplitude any density and law will do (diagnosis-methods.md 0.4). Only the steps with what was chosen are
+on every sample.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,19 +26,25 @@ from pzt_ros.sysid.thinning import kept_samples
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
 _FEWEST = 1500  # samples that a thinned run keeps at least, holds too
-_AS_GOOD = 1.02  # validation error over the least one that still counts as equal: the stronger prior is taken then
+_AS_GOOD = 1.02  # error over the least one that still counts as equal: the stronger prior is taken then
 _FEW_STEPS, _MOST_STEPS, _GAIN = 6, 30, 1e-3
-_HOPELESS = 1.3  # validation error over the least one from which on stronger priors are not tried
+_HOPELESS = 1.3  # error over the least one from which on stronger priors are not tried
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One resolution and prior, and how it did: residual over noise in the training and in the held-out part."""
+    """One resolution, prior and law, and how it did: residual over noise where it was fitted and where it was not."""
 
     resolution: int
     rotation: float
+    order: int
     train: float
     held_out: float
+
+    @property
+    def both(self) -> float:
+        """What is compared: a prior that the fitted part contradicts is no better for a short part that chooses."""
+        return math.hypot(self.train, self.held_out)
 
 
 _Found = tuple[Choice, IdentifiedProblem, Array]
@@ -67,9 +75,7 @@ class IdentifiedResult:
     @property
     def centring(self) -> tuple[float, float]:
         """Mean and scale of the polarization that the law is written in [C/m^2]."""
-        problem = self.problem
-        size = problem.law.start
-        return problem.centring(problem.base.polarization(self.vector[:size], problem.voltages(self.vector)))
+        return _centring(self.problem, self.vector)
 
     @property
     def law(self) -> Array:
@@ -81,23 +87,7 @@ class IdentifiedResult:
 
     def settled(self, run: MeasuredRun) -> tuple[IdentifiedProblem, Array]:
         """The same model for another run: only its start, offset and drift are fitted, to its counted samples."""
-        base = self.problem.base.for_runs([run.time], [run.unknown_start])
-        lag, drift = self.problem.lag is not None, self.problem.per_run > 1
-        problem = IdentifiedProblem(base, [run], order=self.problem.order, lag=lag, drift=drift)
-        problem.known_centring = self.centring
-        start = problem.start.copy()
-        shared = WEIGHTS + node_count(base.grid.size)
-        start[:shared] = self.vector[:shared]
-        start[problem.law] = self.vector[self.problem.law]
-        start[problem.offsets] = float(np.mean(run.measured[run.counted]))
-        lower, upper = problem.lower.copy(), problem.upper.copy()
-        fixed = [*range(shared), *range(problem.law.start, problem.law.stop)]
-        if problem.lag is not None and self.problem.lag is not None:
-            start[problem.lag] = self.vector[self.problem.lag]
-            fixed.append(problem.lag)
-        lower[fixed] = upper[fixed] = start[fixed]
-        found = solve(problem, start, lower, upper, most_steps=_MOST_STEPS, tolerance=1e-4, prior=problem.prior())
-        return problem, found.vector
+        return _settled(self.problem, self.vector, run, _MOST_STEPS)
 
     def predict(self, run: MeasuredRun) -> Array:
         """The measurement of another run as the model has it, at every sample; see `settled`."""
@@ -113,11 +103,11 @@ class IdentifiedFit:
         layer_thickness: [m].
         resolutions: coarse cells over the range that are compared.
         rotations: strengths of the prior that makes the density even along constant coercive field; compared.
-        smoothness: strength of the prior on its second differences.
-        order: of the law from polarization to measurement; 1 where polarization is what was measured.
+        orders: of the law from polarization to measurement; compared. 1 where polarization is what was measured.
+        smoothness: strength of the prior on the density's second differences.
         lag, drift: whether the measurement may be late, and each run drift.
         initial: of runs whose start is known.
-        held_out: share of each run, at its end, that chooses.
+        held_out: share of each run, at its end, that chooses where no other runs do.
         fine_lines: of the fine lattice during the search, and at most at the end.
         voltage_range: that the density has to cover [V]; None: what the runs reach.
         progress: is told what is being done and the residual over noise.
@@ -126,8 +116,8 @@ class IdentifiedFit:
     layer_thickness: float
     resolutions: Sequence[int] = (8, 14)
     rotations: Sequence[float] = (0.0, 1.0, 10.0, 100.0)
+    orders: Sequence[int] = (3,)
     smoothness: float = 1.0
-    order: int = 3
     lag: bool = False
     drift: bool = False
     initial: str = "virgin"
@@ -136,42 +126,45 @@ class IdentifiedFit:
     voltage_range: tuple[float, float] | None = None
     progress: Callable[[str, float], None] = lambda what, error: None
 
-    def fit(self, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
+    def fit(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> IdentifiedResult:
         """Find everything together.
+
+        Args:
+            runs: that are fitted.
+            choosing: further runs whose counted samples choose resolution, prior and law, and are not fitted. Where
+                neither these nor a part of a run chooses, the last part of each run does.
 
         Raises:
             BenchError: nothing to fit, or a run that is not driven.
         """
         if not runs or any(np.ptp(run.voltage) == 0.0 or not np.any(run.counted) for run in runs):
             raise BenchError("identified lattice: each run needs a voltage that moves and samples that count")
-        training, lines = [self._training(run) for run in runs], self.fine_lines[0]
-        found: list[_Found] = []
-        steps, problem, vector = 0, None, np.empty(0)
-        for resolution in self.resolutions:
-            for rotation in sorted(self.rotations):
-                former, problem = problem, self._problem(training, resolution, rotation, lines)
-                begin = self._begun(problem) if former is None else _carried(former, problem, vector)
-                solution = self._solved(problem, begin, f"resolution {resolution}, rotation prior {rotation:g}")
-                steps, vector = steps + solution.steps, solution.vector
-                held_out = _held_out(problem, vector)
-                found.append((Choice(resolution, rotation, rms_of(solution.residuals), held_out), problem, vector))
-                self.progress("held out", held_out)
-                if held_out > _HOPELESS * min(choice.held_out for choice, _, _ in found):
-                    break
-        choice, problem, vector = _best(found)
+        training = [_thinned(run) for run in runs]
+        if not choosing and not any(run.chooses is not None for run in runs):
+            training = [self._divided(run) for run in training]
+        search = _Search(self, training, [_thinned(run) for run in choosing])
+        resolution, *finer = self.resolutions
+        order, *higher = sorted(self.orders)
+        search.compare((resolution, rotation, order) for rotation in sorted(self.rotations))
+        best = search.best[0]
+        search.compare((resolution, best.rotation, other) for other in higher)
+        best = search.best[0]
+        search.compare((other, best.rotation, best.order) for other in finer)
+        choice, problem, vector = search.best
+        steps, lines = search.steps, self.fine_lines[0]
         lines = min(max(lines, math.ceil(problem.base.finest(vector))), self.fine_lines[1])
         for counted, what in (([_thinned(run) for run in runs], "thinned runs"), (runs, "all samples")):
-            former, problem = problem, self._problem(counted, choice.resolution, choice.rotation, lines)
+            former, problem = problem, self._problem(counted, choice, lines)
             begin = problem.with_law_of(vector, former, vector)
             solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}")
             steps, vector = steps + solution.steps, solution.vector
-        choices = [choice, *(other for other, _, _ in found if other is not choice)]
+        choices = [choice, *(other for other, _, _ in search.found if other is not choice)]
         return IdentifiedResult(problem, vector, solution.residuals, choices, steps)
 
-    def _training(self, run: MeasuredRun) -> MeasuredRun:
-        """The run thinned, its last part not counted."""
-        thinned = _thinned(run)
-        return thinned.part(_early(thinned.counted, 1.0 - self.held_out))
+    def _divided(self, run: MeasuredRun) -> MeasuredRun:
+        """The run with the last part of its counted samples choosing instead."""
+        early = _early(run.counted, 1.0 - self.held_out)
+        return replace(run, counted=early, chooses=run.counted & ~early)
 
     def _begun(self, problem: IdentifiedProblem) -> Array:
         """Where a few steps lead from the better of two starts, poled and undecided."""
@@ -196,9 +189,7 @@ class IdentifiedFit:
             progress=lambda step, cost: self.progress(what, math.sqrt(cost / count)),
         )
 
-    def _problem(
-        self, runs: Sequence[MeasuredRun], resolution: int, rotation: float, fine_lines: int
-    ) -> IdentifiedProblem:
+    def _problem(self, runs: Sequence[MeasuredRun], choice: Choice, fine_lines: int) -> IdentifiedProblem:
         voltages = [run.voltage for run in runs]
         reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
         low, high = self.voltage_range or reached
@@ -206,29 +197,95 @@ class IdentifiedFit:
             [run.time for run in runs],
             self.layer_thickness,
             (low / self.layer_thickness, high / self.layer_thickness),
-            resolution=resolution,
+            resolution=choice.resolution,
             unknown_start=[run.unknown_start for run in runs],
             initial=self.initial,
             fine_lines=fine_lines,
         )
-        base.rotation_strength, base.smoothness_strength = rotation, self.smoothness
-        return IdentifiedProblem(base, runs, order=self.order, lag=self.lag, drift=self.drift)
+        base.rotation_strength, base.smoothness_strength = choice.rotation, self.smoothness
+        return IdentifiedProblem(base, runs, order=choice.order, lag=self.lag, drift=self.drift)
 
 
-def _held_out(problem: IdentifiedProblem, vector: Array) -> float:
-    """Residual over noise after the counted samples of each run."""
-    late = []
-    for run, model in zip(problem.runs, problem.predict(vector), strict=True):
-        begin = int(np.flatnonzero(run.counted)[-1]) + 1
-        late.append((model - run.measured)[begin:] / run.noise)
-    return rms_of(late)
+class _Search:
+    """Choices that were fitted to the same thinned runs, each from where the one before ended.
+
+    Attributes:
+        found: every choice with its problem and vector.
+        steps: of all searches together.
+    """
+
+    def __init__(self, fit: IdentifiedFit, training: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> None:
+        self.fit, self.training, self.choosing = fit, training, choosing
+        self.found: list[_Found] = []
+        self.steps = 0
+
+    @property
+    def best(self) -> _Found:
+        """The strongest prior, the simplest law, then the coarsest grid, of those about as good as the best."""
+        least = min(choice.both for choice, _, _ in self.found)
+        good = [each for each in self.found if each[0].both <= _AS_GOOD * least]
+        return min(good, key=lambda each: (-each[0].rotation, each[0].order, each[0].resolution))
+
+    def compare(self, wanted: Iterable[tuple[int, float, int]]) -> None:
+        """Fit resolutions, priors and orders one after the other, until one is hopeless."""
+        for resolution, rotation, order in wanted:
+            choice = Choice(resolution, rotation, order, math.nan, math.nan)
+            problem = self.fit._problem(self.training, choice, self.fit.fine_lines[0])
+            what = f"resolution {resolution}, rotation prior {rotation:g}, law of order {order}"
+            begin = self._begin(problem)
+            solution = self.fit._solved(problem, begin, what)
+            self.steps += solution.steps
+            held_out = self._held_out(problem, solution.vector)
+            self.fit.progress("held out", held_out)
+            choice = replace(choice, train=rms_of(solution.residuals), held_out=held_out)
+            self.found.append((choice, problem, solution.vector))
+            if choice.both > _HOPELESS * min(choice.both for choice, _, _ in self.found):
+                break
+
+    def _begin(self, problem: IdentifiedProblem) -> Array:
+        if not self.found:
+            return self.fit._begun(problem)
+        _, former, vector = self.best
+        return _carried(former, problem, vector)
+
+    def _held_out(self, problem: IdentifiedProblem, vector: Array) -> float:
+        """Residual over noise in the runs, and parts of the fitted runs, that choose."""
+        late = []
+        for run in self.choosing:
+            elsewhere, settled = _settled(problem, vector, run, _FEW_STEPS)
+            late += elsewhere.residuals(settled)
+        for run, model in zip(problem.runs, problem.predict(vector), strict=True):
+            if run.chooses is not None:
+                late.append((model - run.measured)[run.chooses] / run.noise)
+        return rms_of(late)
 
 
-def _best(found: Sequence[_Found]) -> _Found:
-    """The strongest prior, then the coarsest grid, among those about as good as the best on held-out samples."""
-    least = min(choice.held_out for choice, _, _ in found)
-    good = [each for each in found if each[0].held_out <= _AS_GOOD * least]
-    return min(good, key=lambda each: (-each[0].rotation, each[0].resolution))
+def _centring(problem: IdentifiedProblem, vector: Array) -> tuple[float, float]:
+    """Mean and scale of the polarization that the law is written in [C/m^2]."""
+    polarizations = problem.base.polarization(vector[: problem.law.start], problem.voltages(vector))
+    return problem.centring(polarizations)
+
+
+def _settled(
+    problem: IdentifiedProblem, vector: Array, run: MeasuredRun, most_steps: int
+) -> tuple[IdentifiedProblem, Array]:
+    """A fitted model for another run: only its start, offset and drift are fitted, to its counted samples."""
+    base = problem.base.for_runs([run.time], [run.unknown_start])
+    other = IdentifiedProblem(base, [run], order=problem.order, lag=problem.lag is not None, drift=problem.per_run > 1)
+    other.known_centring = _centring(problem, vector)
+    start = other.start.copy()
+    shared = WEIGHTS + node_count(base.grid.size)
+    start[:shared] = vector[:shared]
+    start[other.law] = vector[problem.law]
+    start[other.offsets] = float(np.mean(run.measured[run.counted]))
+    lower, upper = other.lower.copy(), other.upper.copy()
+    fixed = [*range(shared), *range(other.law.start, other.law.stop)]
+    if other.lag is not None and problem.lag is not None:
+        start[other.lag] = vector[problem.lag]
+        fixed.append(other.lag)
+    lower[fixed] = upper[fixed] = start[fixed]
+    found = solve(other, start, lower, upper, most_steps=most_steps, tolerance=1e-4, prior=other.prior())
+    return other, found.vector
 
 
 def _early(counted: Any, share: float) -> Any:
@@ -249,13 +306,14 @@ def _thinned(run: MeasuredRun) -> MeasuredRun:
         voltage=run.voltage[kept],
         measured=run.measured[kept],
         counted=run.counted[kept],
+        chooses=None if run.chooses is None else run.chooses[kept],
     )
 
 
 def _carried(former: IdentifiedProblem, problem: IdentifiedProblem, vector: Array) -> Array:
-    """The vector of a former problem for one with another grid over the same range."""
+    """The vector of a former problem for one with another grid over the same range, or another law."""
     if former.base.grid.size == problem.base.grid.size:
-        return vector
+        return vector if former.order == problem.order else problem.with_law_of(vector, former, vector)
     link = former.base.link(vector)
     weights = np.empty(node_count(problem.base.grid.size))
     hats = hats_of(link.lines, problem.base.grid)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ class MeasuredRun:
         noise: rms of its noise, in the same unit.
         counted: which samples are compared.
         unknown_start: False: the run begins in the state that `initial` of the lattice names.
+        chooses: samples that are not compared but may choose between fits; None: none.
     """
 
     time: Array
@@ -39,10 +40,11 @@ class MeasuredRun:
     noise: float
     counted: NDArray[np.bool_]
     unknown_start: bool = True
+    chooses: NDArray[np.bool_] | None = None
 
     def part(self, counted: NDArray[np.bool_]) -> MeasuredRun:
         """The same run with other samples counted."""
-        return MeasuredRun(self.time, self.voltage, self.measured, self.noise, counted, self.unknown_start)
+        return replace(self, counted=counted)
 
 
 class IdentifiedProblem:
@@ -190,15 +192,20 @@ class IdentifiedProblem:
         return found
 
     def with_law_of(self, vector: Array, other: IdentifiedProblem, found: Array) -> Array:
-        """The vector with law, lag, offsets and drifts of another problem with as many runs, whose centring differs."""
-        carried = np.concatenate((vector[: self.law.start], found[other.law.start :]))
+        """The vector with law, lag, offsets and drifts of another problem with as many runs, whose centring differs.
+
+        A law of lower order is carried as it is, one of higher order without its highest powers.
+        """
         size = other.law.start
         old_mean, old_scale = other.centring(other.base.polarization(found[:size], other.voltages(found)))
-        size = self.law.start
-        mean, scale = self.centring(self.base.polarization(carried[:size], self.voltages(carried)))
+        behind = np.concatenate((np.zeros(self.order), found[other.law.stop :]))
+        carried = np.concatenate((vector[: self.law.start], behind))
+        mean, scale = self.centring(self.base.polarization(carried[: self.law.start], self.voltages(carried)))
         inner = np.polynomial.Polynomial([(mean - old_mean) / old_scale, scale / old_scale])
-        law = np.polynomial.Polynomial([0.0, *found[other.law]])(inner).coef
-        carried[self.law] = law[1:]
+        law = np.zeros(max(self.order, other.order) + 1)
+        coefficients = np.polynomial.Polynomial([0.0, *found[other.law]])(inner).coef
+        law[: coefficients.size] = coefficients
+        carried[self.law] = law[1 : self.order + 1]
         carried[self.offsets :: self.per_run] += law[0]
         return carried
 

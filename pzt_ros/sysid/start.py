@@ -108,7 +108,7 @@ def settle(
             break
         near = _best_of_grid(searched, part.record, count, leg)
         if rms(searched(near[0])) > _HOPELESS * rms(searched(best)):
-            continue
+            break
         start = _refined(searched, near, part.record)
         residual = misfit(start)
         if _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
