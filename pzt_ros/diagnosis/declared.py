@@ -19,6 +19,8 @@ from pzt_ros.sysid.run import Start, prepared_drive
 
 _STEP = 1e-3
 _REMEMBERED = 3  # evaluations
+_ROUGH = 6e-4  # rms of the difference over the span of P from which the front model is too far off for a run
+_WIDE, _LOOSE = 1.0, 1e-3  # thermal widths between domains, error of x+: of what takes its place
 _WIDEST = 10.0  # thermal widths between domains
 _COARSEST = 1e-2  # error of x+ on slow ramps
 _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 15 s
@@ -29,7 +31,9 @@ class DeclaredHysteresis:
 
     A model of many domains takes twenty times as long as the front model of the same ceramic, and the two differ by
     little that changes slowly with the parameters. So the search moves the front model, plus the difference of the two
-    where `exact_at` was last asked for.
+    where `exact_at` was last asked for. On drives that turn at every few samples the front model is worst, and its
+    decisions on what is a reversal are cliffs in the cost; there a lattice of wide spacing takes its place, which on
+    such drives takes no longer.
 
     Args:
         model: the link, with the values to start from.
@@ -57,6 +61,7 @@ class DeclaredHysteresis:
         self.upper = np.array([each.bounds[1] for each in coordinates])
         self.records, self.starts = tuple(records), tuple(starts)
         self._differences = [np.zeros(len(record)) for record in records]
+        self._rough = [False] * len(records)
         self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)
 
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> DeclaredHysteresis:
@@ -64,11 +69,29 @@ class DeclaredHysteresis:
         if self.quick is self.model:
             return self
         copy = DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, self.starts)
-        exact, near = self.link(vector), self._valued(self.quick, vector)
+        exact = self.link(vector)
         for number, voltage in enumerate(voltages):
             if voltage.size:
-                copy._differences[number] = self._run(exact, number, voltage) - self._run(near, number, voltage)
+                here = self._run(exact, number, voltage)
+                copy._rough[number] = self._rough[number]
+                difference = here - self._run(copy._near(vector, number), number, voltage)
+                if (
+                    isinstance(exact, Lattice)
+                    and not copy._rough[number]
+                    and np.std(difference) > _ROUGH * np.ptp(here)
+                ):
+                    copy._rough[number] = True
+                    difference = here - self._run(copy._near(vector, number), number, voltage)
+                copy._differences[number] = difference
         return copy
+
+    def _near(self, vector: Array, number: int) -> Ferroelectric:
+        """What is moved in place of the model for a run."""
+        if not self._rough[number]:
+            return self._valued(self.quick, vector)
+        link = self.link(vector)
+        assert isinstance(link, Lattice)
+        return dataclasses.replace(link, spacing=max(link.spacing, _WIDE), accuracy=max(link.accuracy, _LOOSE))
 
     def link(self, vector: Array) -> Ferroelectric:
         """The ceramic with the values of the vector, its domains no more than can be waited for."""
@@ -107,9 +130,8 @@ class DeclaredHysteresis:
         return []
 
     def _all(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
-        link = self._valued(self.quick, vector)
         return [
-            self._run(link, number, voltage) + self._differences[number]
+            self._run(self._near(vector, number), number, voltage) + self._differences[number]
             for number, voltage in enumerate(voltages)
             if voltage.size
         ]

@@ -15,6 +15,7 @@ from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.gauss_newton import Solution, bounded_minimum, solve
 
 _CORRECTIONS = 2
+_STEPS = 8
 _STAYS = 0.01  # change of coordinates, that is 1 % of a parameter
 _ROUNDS = 2  # the strain law bends, so one linear step would not do
 _RIDGE = 1e-9
@@ -125,13 +126,13 @@ def exact(found: Hypothesis) -> Hypothesis:
     A fit along a tangent may promise what the model does not keep, so a step that makes it worse is taken back. Where
     the misfit is far larger than what the ceramic is off by, it stays as it is.
     """
-    if max(found.ratios) > found.staged.ceramic.far:
+    if found.fit.ratio > found.staged.ceramic.far:
         return found
     best = _exact_here(found)
     for _ in range(_CORRECTIONS):
         if best.staged.ceramic is found.staged.ceramic:
             break
-        moved = fitted(best.staged, best.vector, best.effects, most_steps=4)
+        moved = fitted(best.staged, best.vector, best.effects, _STEPS)
         if np.max(np.abs(moved.solution.vector - best.solution.vector)) < _STAYS:
             return moved
         there = _exact_here(moved)

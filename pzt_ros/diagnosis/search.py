@@ -16,6 +16,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
 _REFIT_STEPS = 12
+_LONG = 30  # steps more, for those that may win
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RIVAL = 0.6  # of the best one's gain
 
@@ -125,16 +126,16 @@ class Search:
     origin: Hypothesis | None = None
 
     def run(self, base: Hypothesis) -> list[Step]:
-        """Add effects until nothing that can be named is left."""
-        steps: list[Step] = []
-        current = base
-        while len(current.effects) < self.thresholds.most_effects:
-            step = self.step(current)
-            steps.append(step)
-            current = step.after
-            if not step.accepted or step.tied:
-                break
+        """Add effects until what is left is noise, or no more than the shapes of those added are off by."""
+        steps = [self.step(base)]
+        while self._goes_on(steps, base):
+            steps.append(self.step(steps[-1].after))
         return steps
+
+    def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
+        last = steps[-1]
+        ended = not last.accepted or bool(last.tied) or len(last.after.effects) >= self.thresholds.most_effects
+        return not ended and not self.explains(steps, base)
 
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
@@ -216,7 +217,8 @@ class Search:
         afters = self.workers.map(_fitted, prospects, repeat(before.effects))
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
         rivals = [candidate for candidate in found if _rivals_best(candidate, found)]
-        exacts = self.workers.map(exact, [candidate.after for candidate in rivals])
+        unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
+        exacts = self.workers.map(_finished, [candidate.after for candidate in rivals], unfinished)
         better = {rival.name: after for rival, after in zip(rivals, exacts, strict=True)}
         return [replace(candidate, after=better.get(candidate.name, candidate.after)) for candidate in found]
 
@@ -257,6 +259,13 @@ class Search:
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
+
+
+def _finished(hypothesis: Hypothesis, further: bool) -> Hypothesis:
+    """Exact, and fitted further where it could have come further: what is left must not be taken for an effect."""
+    if further:
+        hypothesis = fitted(hypothesis.staged, hypothesis.vector, hypothesis.effects, _LONG)
+    return exact(hypothesis)
 
 
 def _afters(candidates: Sequence[Candidate]) -> list[Hypothesis]:

@@ -21,7 +21,12 @@ _linalg: Any = linalg  # SciPy carries no types
 
 _FIRST_DAMPING = 1e-4
 _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e10
+_LIGHT = 1e-2  # damping up to which a small gain says that little is left to gain, and not that the step was short
 _EASE, _GOOD = 1.0 / 3.0, 0.5  # damping falls so much where a step gains at least this share of what it promised
+_LEAP_AFTER = 3  # refused steps
+_LEAP_DAMPING, _LEAPS = 1e-8, (1.0, 0.3, 0.1)
+"""Of a Gauss-Newton step, tried where short steps are refused: a model that decides, as on what is a reversal, has
+cliffs in its cost, and a search that comes to the edge of one finds no short step down."""
 _STUCK = 1e-3  # share of the tolerance below which refused steps are no longer shortened
 _ROWS = 8192  # of a Jacobian that become float64 at once
 _ROUNDS = 200
@@ -100,12 +105,19 @@ def solve(
         while not accepted and damping <= _MOST_DAMPING:
             step = _damped_step(gram, gradient, damping, lower - vector, upper - vector)
             promised = -(2.0 * float(gradient @ step) + float(step @ gram @ step))
-            converged = promised <= tolerance * cost * (_STUCK if refused else 1.0)
+            converged = promised <= tolerance * cost * (_STUCK if refused or damping > _LIGHT else 1.0)
             if converged or count == most_steps:
                 break
             trial = np.clip(vector + step, lower, upper)
             gained = cost - _cost_at(problem, trial, rows, targets)
             accepted = gained > 0.0
+            if not accepted and refused == _LEAP_AFTER:
+                bounds = (lower - vector, upper - vector)
+                leaps = [share * _damped_step(gram, gradient, _LEAP_DAMPING, *bounds) for share in _LEAPS]
+                costs = [_cost_at(problem, np.clip(vector + leap, lower, upper), rows, targets) for leap in leaps]
+                trial = np.clip(vector + leaps[int(np.argmin(costs))], lower, upper)
+                gained = cost - min(costs)
+                accepted = gained > 0.0
             if not accepted:
                 refused += 1
                 damping *= 2.0**refused
@@ -115,7 +127,7 @@ def solve(
             return Solution(vector, residuals, jacobians, cost, count, converged)
         vector, cost = trial, cost - gained
         residuals, jacobians = problem.linearise(vector)
-        if not refused and gained <= tolerance * (cost + gained):
+        if not refused and damping <= _LIGHT and gained <= tolerance * (cost + gained):
             return Solution(vector, residuals, jacobians, cost, count + 1, True)
     raise AssertionError("unreachable: the last round accepts no step")
 

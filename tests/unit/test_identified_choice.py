@@ -66,6 +66,7 @@ class Ceramic:
     """Only what `hypothesis` asks for."""
 
     start: Array
+    far: float = np.inf
 
 
 @dataclass(frozen=True)

