@@ -297,7 +297,8 @@ def _verdict(
     tested: bool,
 ) -> str:
     which = "runs not fitted" if tested else "the train runs"
-    fall = f"the error on {which} falls from {before.test * 1e9:.4g} to {after.test * 1e9:.4g} nm rms"
+    way = "falls" if after.test <= before.test else "rises"
+    fall = f"the error on {which} {way} from {before.test * 1e9:.4g} to {after.test * 1e9:.4g} nm rms"
     sentences = []
     if effects:
         sentences.append(f"Missing: {', '.join(_words(e.name) for e in effects)}; {fall}")

@@ -218,8 +218,9 @@ class Screen:
         shift: Array = (moved / self._length).astype(np.float64)
         left = self._residual + self._jacobian @ shift + signatures @ amounts
         total = float(left @ left) / left.size
-        if self._left.size:
-            total += self._chosen(shift, amounts, ahead, per_run)
+        if self._left.size:  # a base that has far to go goes there as no line says, so this can promise but not refuse
+            before = float(self._left @ self._left) / self._left.size
+            total += min(self._chosen(shift, amounts, ahead, per_run), before)
         return amounts, shift, total
 
     def _chosen(self, shift: Array, amounts: Array, ahead: Array, per_run: bool) -> float:

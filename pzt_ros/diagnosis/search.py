@@ -146,7 +146,7 @@ class Search:
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = sound[0]
-        if winner.share >= self.thresholds.share or self.at_floor(winner.after):
+        if winner.share >= self.thresholds.share or (self.at_floor(winner.after) and not self.at_floor(before)):
             tied = self._tied(winner, sound[1:])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         verdict = (

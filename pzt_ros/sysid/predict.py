@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
+_LEAST_SPREAD = 0.3  # of the largest value, where the fitted runs agree by chance or are few
 _UNIT = 1e-9  # [SI]; a difference in a linear parameter
 
 
@@ -112,16 +113,40 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
         part = Span(None, end)
         rule = f"from the first {end - record.time[0]:.3g} s of the run"
     counted = counted_part(record, part, _MOST_TO_SETTLE)
-    if base.occupancy:  # a grid of occupancies tells more than prior reversals could
-        return with_offset(model, counted, with_own_values_fitted(model, counted, base, own)), rule
-    settled = settle(model, counted, base, noise=noise_floor(record.displacement).rms)
-    return with_offset(model, counted, with_own_values_fitted(model, counted, settled, own)), rule
+    noise = noise_floor(record.displacement).rms
+    if not base.occupancy:  # a grid of occupancies tells more than prior reversals could
+        base = settle(model, counted, base, noise=noise)
+    expected = {name: expected_value(known.values(), name) for name in own}
+    return with_offset(model, counted, with_own_values_fitted(model, counted, base, expected, noise)), rule
 
 
-def with_own_values_fitted(chain: Chain, part: CountedPart, start: Start, names: Sequence[str]) -> Start:
-    """The start with the run's own parameters fitted to a part of it; the displacement is linear in them."""
-    if not names:
+def expected_value(starts: Iterable[Start], name: str) -> tuple[float, float]:
+    """What a parameter of a run is expected to be by the runs that were fitted: mean and spread [SI]."""
+    values = [dict(start.values)[name] for start in starts if name in dict(start.values)]
+    if not values:
+        return 0.0, math.inf
+    mean = float(np.mean(values))
+    return mean, max(float(np.std(values)), _LEAST_SPREAD * float(np.max(np.abs(values))))
+
+
+def with_own_values_fitted(
+    chain: Chain, part: CountedPart, start: Start, expected: Mapping[str, tuple[float, float]], noise: float
+) -> Start:
+    """The start with the run's own parameters fitted to a part of it; the displacement is linear in them.
+
+    A short part tells a slow drift badly, and an error in its rate grows with the run; so the part is weighed against
+    what is expected.
+
+    Args:
+        chain: that the run is predicted with.
+        part: that may be looked at.
+        start: history and offset.
+        expected: mean and spread of each parameter [SI]; an infinite spread where nothing is.
+        noise: of the displacement [m].
+    """
+    if not expected:
         return start
+    names = list(expected)
 
     def displacement(values: Sequence[float]) -> Array:
         given = replace(start, offset=0.0, values=tuple(zip(names, values, strict=True)))
@@ -129,14 +154,14 @@ def with_own_values_fitted(chain: Chain, part: CountedPart, start: Start, names:
         return found - found.mean()
 
     silent = displacement([0.0] * len(names))
-    columns = np.column_stack(
-        [
-            (displacement([_UNIT if k == n else 0.0 for k in range(len(names))]) - silent) / _UNIT
-            for n in range(len(names))
-        ]
-    )
+    units = np.eye(len(names)) * _UNIT
+    columns = np.column_stack([(displacement(list(unit)) - silent) / _UNIT for unit in units])
     left = part.displacement - part.displacement.mean() - silent
-    values = np.linalg.lstsq(columns, left, rcond=None)[0]
+    mean, spread = (np.array([expected[name][k] for name in names]) for k in (0, 1))
+    with np.errstate(divide="ignore"):
+        weight = np.where(spread > 0.0, noise / spread, 0.0)
+    rows, targets = np.vstack((columns, np.diag(weight))), np.concatenate((left, weight * mean))
+    values = np.linalg.lstsq(rows, targets, rcond=None)[0]
     return replace(start, values=tuple((name, float(value)) for name, value in zip(names, values, strict=True)))
 
 
