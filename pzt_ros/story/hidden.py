@@ -48,6 +48,7 @@ LEFT_OUT: dict[str, str] = {
     "strain_polarization_hysteresis": "the diagnosis does not find its way to it from a model fitted without it",
     "amplifier_bandwidth": "the bag holds the voltage across the ceramic, so a slow amplifier is no error of the model",
     "amplifier_current_limit": "as the bandwidth of the amplifier",
+    "amplifier_charge_limit": "as the bandwidth of the amplifier",
     "sensor_lag": "controllers make the reading follow; an inverse of the sensor's error moves the truth off",
     "sensor_nonlinearity": "as the lag of the sensor: who knows only the reading cannot track the truth",
     "thermal_drift": "its rate belongs to one run; the next run cannot know it",

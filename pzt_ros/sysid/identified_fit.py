@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits as _threadpool_limits
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.identified_hats import accumulate, hats_of, node_count
@@ -23,6 +24,8 @@ from pzt_ros.sysid.gauss_newton import Solution, solve
 from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
 from pzt_ros.sysid.identified_problem import IdentifiedProblem, MeasuredRun, rms_of
 from pzt_ros.sysid.thinning import kept_samples
+
+threadpool_limits: Any = _threadpool_limits  # it carries no types
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
 _FEWEST = 1500  # samples that a thinned run keeps at least, holds too
@@ -127,7 +130,7 @@ class IdentifiedFit:
     progress: Callable[[str, float], None] = lambda what, error: None
 
     def fit(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> IdentifiedResult:
-        """Find everything together.
+        """Find everything together, with one thread of BLAS: several only wait for one another in small solves.
 
         Args:
             runs: that are fitted.
@@ -139,6 +142,10 @@ class IdentifiedFit:
         """
         if not runs or any(np.ptp(run.voltage) == 0.0 or not np.any(run.counted) for run in runs):
             raise BenchError("identified lattice: each run needs a voltage that moves and samples that count")
+        with threadpool_limits(limits=1, user_api="blas"):
+            return self._fitted(runs, choosing)
+
+    def _fitted(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> IdentifiedResult:
         training = [_thinned(run) for run in runs]
         if not choosing and not any(run.chooses is not None for run in runs):
             training = [self._divided(run) for run in training]
