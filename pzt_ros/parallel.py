@@ -97,6 +97,13 @@ def on_one_core(wanted: bool = True) -> Iterator[None]:
         _alone = before
 
 
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Linear algebra in one thread: in small solves several only wait for one another, for long beside another job."""
+    with threadpool_limits(limits=1):
+        yield
+
+
 def own_threads(count: int) -> int:
     """How many of `count` threads a computation may start."""
     return 1 if _alone else count

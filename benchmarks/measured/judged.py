@@ -15,6 +15,7 @@ from pzt_ros.diagnosis import diagnose
 from pzt_ros.diagnosis.base import default_chain, fit_declared
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
+from pzt_ros.diagnosis.flexible import ORDERS, ROTATIONS
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.report import Report
@@ -28,7 +29,6 @@ LAST_CYCLE = "last cycle"
 DECLARED, IDENTIFIED = "declared base", "identified base"
 
 _THICKNESS = 1e-4  # [m]; stands for any, only the fields' ratio to the density's grid counts
-_ROTATIONS, _ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)  # that are compared, as `pzt diagnose` does
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _identified_error(runs: Sequence[RunData]) -> Array:
     fitted = [_measured(run) for run in runs if FIT in run.picks]
     others = [_measured(run) for run in runs if FIT not in run.picks]
     others = [replace(run, counted=run.chooses) for run in others]
-    found = IdentifiedFit(_THICKNESS, rotations=_ROTATIONS, orders=_ORDERS).fit(fitted, others)
+    found = IdentifiedFit(_THICKNESS, rotations=ROTATIONS, orders=ORDERS).fit(fitted, others)
     predicted = found.predict(others[-1]) if others else found.problem.predict(found.vector)[-1]
     return runs[-1].record.displacement - predicted
 

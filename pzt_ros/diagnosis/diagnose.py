@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits as _threadpool_limits
 
 from pzt_ros.diagnosis.base import default_chain, fit_declared
 from pzt_ros.diagnosis.baselines import baselines
@@ -35,11 +34,9 @@ from pzt_ros.diagnosis.search import Candidate, Search, Step
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.effects.table import EFFECT_OF
-from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, threads
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thread, threads
 from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
-
-threadpool_limits: Any = _threadpool_limits  # it carries no types
 
 _SLOW_FLOOR = 2.0
 
@@ -87,7 +84,7 @@ def diagnose(
     runs = split(with_floors(train), with_floors(test))
     refitting = threads() if workers is None else nullcontext(workers)
     # candidates are refitted side by side, and BLAS threads would fight with them
-    with threadpool_limits(limits=1), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
+    with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         declared = fit_declared(chain or default_chain(runs), runs, progress)
         branches = _branches(declared, asked, progress, pool)
     chosen = _chosen(branches, asked)
@@ -101,21 +98,26 @@ def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     origin = fitted(declared.staged, declared.staged.start, most_steps=0)
     search = Search(asked, progress=progress, workers=workers, origin=origin)
     steps = search.run(declared)
-    if not search.explains(steps, declared):
-        steps = [*steps[:-1], search.pair_step(steps[-1])]
-    branches = [Branch("gaussian", declared, tuple(steps))]
+    branch = Branch("gaussian", declared, tuple(steps))
     if search.explains(steps, declared):
-        return branches
+        return [branch]
+    other = _on_flexible(declared, asked, progress, workers)
+    if not other.steps or search.explains(other.steps, other.base):
+        return [branch, other]
+    # two at once takes longest, and where the declared density is wrong it is in vain: so last
+    return [dataclasses.replace(branch, steps=tuple(search.with_pair(steps, declared))), other]
+
+
+def _on_flexible(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:
+    """The flexible base and the search on it, if it leaves anything."""
     runs = declared.staged.runs
     unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
     flexible = fit_flexible(declared, unknown, progress)
-    search = Search(asked.on_flexible(), progress=progress, workers=workers)
     if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
-        return [*branches, Branch("identified", flexible, ())]
-    steps = search.run(flexible)
-    if not search.explains(steps, flexible):
-        steps = [*steps[:-1], search.pair_step(steps[-1])]
-    return [*branches, Branch("identified", flexible, tuple(steps))]
+        return Branch("identified", flexible, ())
+    search = Search(asked.on_flexible(), progress=progress, workers=workers)
+    steps = search.with_pair(search.run(flexible), flexible)
+    return Branch("identified", flexible, tuple(steps))
 
 
 def _chosen(branches: Sequence[Branch], asked: Thresholds) -> Branch:

@@ -33,7 +33,9 @@ _STEPS = 4
 _CLEAN = 2.0  # residual over noise where nothing was fitted: the starts need not be doubted, which takes long
 _BETTER = 0.98
 _AT_REST = 0.02  # of the largest voltage
-_ROTATIONS, _ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
+ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
+"""Strengths of the rotation prior and orders of the strain law that are compared."""
+
 _REMEMBERED = 12  # polarizations at other voltages and vectors
 _TYPICAL_POLARIZATION = 0.25
 
@@ -120,7 +122,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
     voltages = declared.staged.voltages(declared.vector)
     unknown = [known_not or _begins_driven(run) for known_not, run in zip(unknown, runs, strict=True)]
     reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
-    fit = IdentifiedFit(thickness, rotations=_ROTATIONS, orders=_ORDERS, voltage_range=reached)
+    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     found = _identified(fit, runs, voltages, unknown)
     if found.choices[0].held_out > _CLEAN and not all(unknown):
         chosen = found.choices[0]

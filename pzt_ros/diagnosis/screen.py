@@ -24,13 +24,14 @@ from pzt_ros.effects.insert import with_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.gauss_newton import cost_at
 
 _optimize: Any = optimize  # SciPy carries no types
 
 _SIMPLEX = 0.3  # of a coordinate: a third more or less of a time or a frequency
-_SHAPES = 30
+_SHAPES = 30  # that are tried at most
 _SLOWEST = 10.0  # time constant over the longest run
-_SHARES = (1.0, 0.5, 0.2, 0.0)
+_SHARES = (1.0, 0.5, 0.2, 0.0)  # of the way to where the line leads, at which a refit may start
 _LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
 
 
@@ -61,18 +62,10 @@ class Prospect:
             BenchError: the model cannot be evaluated at any.
         """
         tried = [self.without + share * (self.start - self.without) for share in _SHARES]
-        costs = [self._cost(vector) for vector in tried]
+        costs = [cost_at(self.staged, vector, *self.staged.prior) for vector in tried]
         if not math.isfinite(min(costs)):
             raise BenchError(f"{self.effect.name}: the model cannot be evaluated where a refit would start")
         return tried[int(np.argmin(costs))]
-
-    def _cost(self, vector: Array) -> float:
-        rows, targets = self.staged.prior
-        left = rows @ vector - targets
-        try:
-            return sum(float(r @ r) for r in self.staged.residuals(vector)) + float(left @ left)
-        except BenchError:
-            return math.inf
 
 
 class Screen:
@@ -82,7 +75,7 @@ class Screen:
         self.hypothesis = hypothesis
         staged = hypothesis.staged
         self._fitted = staged.fitted
-        self._choosing = [r for r, run in enumerate(staged.runs) if SELECTION in run.picks]
+        self._choosing = hypothesis.choosing
         self._residual = np.concatenate(hypothesis.solution.residuals)
         self._left = np.concatenate(hypothesis.selection_residuals) if self._choosing else np.zeros(0)
         self._jacobian = np.vstack(hypothesis.jacobians)

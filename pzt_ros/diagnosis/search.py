@@ -11,6 +11,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.effect import Effect
+from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
@@ -52,19 +53,17 @@ class Candidate:
     @property
     def fit_share(self) -> float:
         """Of the excess over the noise, on what was fitted [-]."""
-        return (self.before.fit.total - self.after.fit.total) / self.before.fit.excess
+        return _share(self.before.fit, self.after.fit)
 
     @property
     def selection_share(self) -> float:
         """The same on what chooses; 1 where nothing chooses."""
-        if not self.before.selection.samples:
-            return 1.0
-        return (self.before.selection.total - self.after.selection.total) / self.before.selection.excess
+        return _share(self.before.selection, self.after.selection)
 
     @property
     def share(self) -> float:
         """The smaller of both: an effect has to show itself where it was not fitted, too."""
-        return min(self.fit_share, self.selection_share)
+        return share_of(self.before, self.after)
 
     @property
     def size(self) -> float:
@@ -72,6 +71,15 @@ class Candidate:
         gained = [b**2 - a**2 for b, a in zip(self.before.ratios, self.after.ratios, strict=True)]
         kinds = self.before.staged.fitted, self.before.choosing
         return math.sqrt(max(0.0, min(max(gained[run] for run in kind) for kind in kinds if kind)))
+
+
+def share_of(before: Hypothesis, after: Hypothesis) -> float:
+    """Of the excess over the noise that is explained, the smaller of both kinds of parts [-]."""
+    return min(_share(before.fit, after.fit), _share(before.selection, after.selection))
+
+
+def _share(before: Misfit, after: Misfit) -> float:
+    return (before.total - after.total) / before.excess if before.samples else 1.0
 
 
 def _gain(before: Misfit, after: Misfit) -> float:
@@ -126,11 +134,15 @@ class Search:
     origin: Hypothesis | None = None
 
     def run(self, base: Hypothesis) -> list[Step]:
-        """Add effects until what is left is noise, or no more than the shapes of those added are off by."""
+        """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
         steps = [self.step(base)]
         while self._goes_on(steps, base):
             steps.append(self.step(steps[-1].after))
         return steps
+
+    def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
+        """The steps of a run; where they do not explain all, the last may add two effects at once."""
+        return [*steps] if self.explains(steps, base) else [*steps[:-1], self._pair_step(steps[-1])]
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]
@@ -154,19 +166,19 @@ class Search:
         )
         return Step(before, candidates, refused, (), (), verdict)
 
-    def pair_step(self, step: Step) -> Step:
+    def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
         sound = [c for c in step.candidates if self._is_significant(c) and c.share > self.thresholds.half_share]
         pair = self._pair(step.before, sound) if not step.accepted else ()
         if not pair:
             return step
-        verdict = f"explains {_joint_share(step.before, pair):.0%} of the excess together"
+        verdict = f"explains {share_of(step.before, pair[-1].after):.0%} of the excess together"
         return replace(step, accepted=pair, verdict=verdict)
 
     def explains(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         """Whether a search ended where nothing is left, or nothing but what its effects' shapes are off by."""
         final = steps[-1].after if steps else base
-        share = Candidate("", base, final).share if final is not base else 0.0
+        share = share_of(base, final) if final is not base else 0.0
         near = max(final.ratios) < self.thresholds.near_floor
         return self.at_floor(final) or (share > self.thresholds.whole and near)
 
@@ -204,7 +216,8 @@ class Search:
         return before.total - prospect.total > self.thresholds.promise
 
     def _why_not(self, effect: Effect, before: Hypothesis) -> str:
-        if effect.name in before.effects or any(link.kind == effect.name for link in before.staged.chain.links):
+        causes = {EFFECT_OF[link.kind].reported for link in effects_in(before.staged.chain)}
+        if effect.reported in causes:  # a variant beside its like would name one cause twice
             return "is in the model"
         missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
         return f"cannot be seen without {', '.join(missing)}" if missing else ""
@@ -253,7 +266,7 @@ class Search:
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:
                     best = pair
-        return best if best and _joint_share(before, best) >= self.thresholds.pair_share else ()
+        return best if best and share_of(before, best[-1].after) >= self.thresholds.pair_share else ()
 
     def _nothing(self, before: Hypothesis) -> str:
         if self.at_floor(before):
@@ -305,7 +318,3 @@ def _beside(effects: Sequence[str]) -> str:
 def _promise(before: Hypothesis, prospect: Prospect) -> float:
     excess = before.total - (2.0 if before.selection.samples else 1.0)
     return max(before.total - prospect.total, 0.0) / max(excess, 1e-4)
-
-
-def _joint_share(before: Hypothesis, pair: Sequence[Candidate]) -> float:
-    return Candidate("", before, pair[-1].after).share

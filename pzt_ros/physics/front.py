@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pzt_ros.physics import front_kernel as kernel
 from pzt_ros.physics import front_memory as memory
@@ -14,8 +14,6 @@ from pzt_ros.physics.front_shares import Fronts
 from pzt_ros.physics.front_tables import everett
 from pzt_ros.physics.front_thresholds import everett_of
 from pzt_ros.physics.link import State
-from pzt_ros.physics.signals import Array
-from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE
 from pzt_ros.quantities import parameter
 
 _shared_table = lru_cache(maxsize=1)(front_table)
@@ -36,6 +34,7 @@ class Front(Domains):
     """
 
     kind: ClassVar[str] = "front"
+    _kernel: ClassVar[Any] = kernel
 
     dead_band: float = parameter(
         1.0,
@@ -74,17 +73,6 @@ class Front(Domains):
     def _state_size(self) -> int:
         return memory.STATE_SIZE
 
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> int:
-        return int(kernel.run(state, self.fronts, time, voltage, polarization, phase_fraction))
-
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> int:
-        limit = FIELD_LIMIT * self.layer_thickness
-        return int(
-            kernel.run_inverse(
-                state, self.fronts, time, polarization, voltage, phase_fraction, limit, INVERSE_TOLERANCE
-            )
-        )
+    @property
+    def _numbers(self) -> Any:
+        return self.fronts

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from pzt_ros.physics.identified_hats import (
 )
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest
-from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE, QUASI_STATIC_RATE, Switching
+from pzt_ros.physics.switching import QUASI_STATIC_RATE, Switching
 from pzt_ros.quantities import choice, parameter, table
 
 FIELD_STEP = 0.5
@@ -48,6 +48,7 @@ class IdentifiedLattice(Switching):
     """
 
     kind: ClassVar[str] = "identified_lattice"
+    _kernel: ClassVar[Any] = kernel
 
     relaxation_time: float = parameter(
         1e-3, "s", "of thermally activated switching", symbol="tau_x", bounds=(1e-9, 1e6)
@@ -158,17 +159,6 @@ class IdentifiedLattice(Switching):
     def _state_size(self) -> int:
         return kernel.HEAD + self.lines.size**2 // 4
 
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> int:
-        return int(kernel.run(state, self.relays, time, voltage, polarization, phase_fraction))
-
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> int:
-        limit = FIELD_LIMIT * self.layer_thickness
-        return int(
-            kernel.run_inverse(
-                state, self.relays, time, polarization, voltage, phase_fraction, limit, INVERSE_TOLERANCE
-            )
-        )
+    @property
+    def _numbers(self) -> Any:
+        return self.relays

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.quantities import parameter
 
 RAMP_TO_REST = 1.0
 """Duration of the ramp from the state before the run to a voltage at rest [s]."""
@@ -21,17 +23,36 @@ RAMP_TO_REST = 1.0
 class OneEquation(Ferroelectric):
     """Voltage to polarization by one ODE; time may stand still or run back, the field then jumps."""
 
-    @abstractmethod
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> None:
-        """Move the state and fill the last two arrays."""
+    _kernel: ClassVar[Any]
+    """Module of the compiled loop `run`, which moves a state and fills the last two arrays it is given."""
+    _inverse: ClassVar[Any]
+    """Module of `run_inverse`, likewise."""
 
+    temperature: float = parameter(
+        293.0,
+        "K",
+        "Temperature of thermal activation.",
+        symbol="T",
+        bounds=(1.0, 2000.0),
+    )
+    domain_volume: float = parameter(
+        1e-22,
+        "m^3",
+        "Volume that switches at once.",
+        symbol="V_D",
+        bounds=(1e-27, 1e-15),
+    )
+    accuracy: float = parameter(
+        1e-6,
+        "1",
+        "Local error of the phase fraction allowed per step of the integration.",
+        bounds=(1e-12, 1e-2),
+    )
+
+    @property
     @abstractmethod
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> None:
-        """Move the state and fill the last two arrays."""
+    def material(self) -> Any:
+        """The numbers as the compiled loops take them."""
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization and phase fraction at the samples; the field is linear between them, however far apart.
@@ -62,12 +83,12 @@ class OneEquation(Ferroelectric):
         time = self._finite(signals.time, signals.time.size, "time", "s")
         target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
         after, voltage, x = state.copy(), np.empty(time.size), np.empty(time.size)
-        self._compiled_inverse(after, time, target, voltage, x)
+        self._inverse.run_inverse(after, self.material, time, target, voltage, x)
         return after, signals.replace(voltage=voltage, phase_fraction=x)
 
     def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
         p, x = np.empty(time.size), np.empty(time.size)
-        self._compiled_run(state, time, voltage, p, x)
+        self._kernel.run(state, self.material, time, voltage, p, x)
         return p, x
 
     def _ramp_to(self, state: State, voltage: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pzt_ros.physics import parametrized_kernel as kernel
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
 from pzt_ros.physics.one_equation import OneEquation, decaying_drive
-from pzt_ros.physics.signals import Array, Rest
+from pzt_ros.physics.signals import Rest
 from pzt_ros.quantities import choice, parameter
 
 _PRERUN_SAMPLES = 100_001
@@ -32,6 +32,8 @@ class Parametrized(OneEquation):
     """
 
     kind: ClassVar[str] = "parametrized"
+    _kernel: ClassVar[Any] = kernel
+    _inverse: ClassVar[Any] = inverse
 
     shape_ascending: float = parameter(
         None,
@@ -82,20 +84,6 @@ class Parametrized(OneEquation):
         symbol="E_1",
         bounds=(1e4, 1e12),
     )
-    temperature: float = parameter(
-        293.0,
-        "K",
-        "Temperature of thermal activation.",
-        symbol="T",
-        bounds=(1.0, 2000.0),
-    )
-    domain_volume: float = parameter(
-        1e-22,
-        "m^3",
-        "Volume that switches at once.",
-        symbol="V_D",
-        bounds=(1e-27, 1e-15),
-    )
     saturation_barrier: float = parameter(
         2.0e6,
         "V/m",
@@ -114,12 +102,6 @@ class Parametrized(OneEquation):
         "Amplitude A of the pre-run A sin(20 pi t)(1 - t), 0 to 1 s.",
         symbol="A",
         bounds=(0.0, 1e7),
-    )
-    accuracy: float = parameter(
-        1e-6,
-        "1",
-        "Local error of the phase fraction allowed per step of the integration.",
-        bounds=(1e-12, 1e-2),
     )
 
     @functools.cached_property
@@ -160,16 +142,6 @@ class Parametrized(OneEquation):
                     f"parametrized: saturation_barrier is {tail:.3g} widths out on the {name} branch, the limit is"
                     f" {_FARTHEST_TAIL:.3g}; lower saturation_barrier or raise shape_{name} or barrier_{name}"
                 )
-
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> None:
-        kernel.run(state, self.material, time, voltage, polarization, phase_fraction)
-
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> None:
-        inverse.run_inverse(state, self.material, time, polarization, voltage, phase_fraction)
 
 
 @functools.lru_cache(maxsize=64)

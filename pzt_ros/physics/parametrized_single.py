@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pzt_ros.physics import parametrized_single_kernel as kernel
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
 from pzt_ros.physics.one_equation import OneEquation, decaying_drive
-from pzt_ros.physics.signals import Array, Rest
+from pzt_ros.physics.signals import Rest
 from pzt_ros.quantities import choice, parameter
 
 _PRERUN_SAMPLES = 20_001
@@ -39,6 +39,8 @@ class ParametrizedSingle(OneEquation):
     """
 
     kind: ClassVar[str] = "parametrized_single"
+    _kernel: ClassVar[Any] = kernel
+    _inverse: ClassVar[Any] = kernel
 
     distribution: str = choice("coercive", tuple(_DISTRIBUTIONS), "What is distributed over the domains.")
     coercive_field: float = parameter(
@@ -76,20 +78,6 @@ class ParametrizedSingle(OneEquation):
         symbol="E_1",
         bounds=(1e4, 1e12),
     )
-    temperature: float = parameter(
-        293.0,
-        "K",
-        "Temperature of thermal activation.",
-        symbol="T",
-        bounds=(1.0, 2000.0),
-    )
-    domain_volume: float = parameter(
-        1e-22,
-        "m^3",
-        "Volume that switches at once.",
-        symbol="V_D",
-        bounds=(1e-27, 1e-15),
-    )
     start: str = choice(
         "virgin",
         ("virgin", "negative", "positive"),
@@ -101,12 +89,6 @@ class ParametrizedSingle(OneEquation):
         "Amplitude A of the pre-run A sin(20 pi t)(1 - t), 0 to 1 s; with history only.",
         symbol="A",
         bounds=(0.0, 1e7),
-    )
-    accuracy: float = parameter(
-        1e-6,
-        "1",
-        "Local error of the phase fraction allowed per step of the integration.",
-        bounds=(1e-12, 1e-2),
     )
 
     @functools.cached_property
@@ -135,16 +117,6 @@ class ParametrizedSingle(OneEquation):
         self._ramp_to(state, rest.voltage)
         state[branch.TIME] = rest.time
         return state
-
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> None:
-        kernel.run(state, self.material, time, voltage, polarization, phase_fraction)
-
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> None:
-        kernel.run_inverse(state, self.material, time, polarization, voltage, phase_fraction)
 
 
 @functools.lru_cache(maxsize=64)

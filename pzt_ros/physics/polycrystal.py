@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from pzt_ros.physics.density import Nodes
 from pzt_ros.physics.domains import Domains
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.switching import FIELD_LIMIT, INVERSE_TOLERANCE
 from pzt_ros.quantities import choice
 
 METHODS = {"collocation": kernel.COLLOCATION, "midpoint": kernel.MIDPOINT}
@@ -25,6 +25,8 @@ class Polycrystal(Domains):
 
     State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], then x+ of every domain [-].
     """
+
+    _kernel: ClassVar[Any] = kernel
 
     method: str = choice(
         "collocation",
@@ -73,17 +75,6 @@ class Polycrystal(Domains):
         rows = self.elements.row_weight.size
         return kernel.HEAD + rows * (self.elements.forward.size - rows + 1)
 
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> int:
-        return int(kernel.run(state, self.elements, time, voltage, polarization, phase_fraction))
-
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> int:
-        limit = FIELD_LIMIT * self.layer_thickness
-        return int(
-            kernel.run_inverse(
-                state, self.elements, time, polarization, voltage, phase_fraction, limit, INVERSE_TOLERANCE
-            )
-        )
+    @property
+    def _numbers(self) -> Any:
+        return self.elements

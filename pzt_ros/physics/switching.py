@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -34,17 +35,14 @@ class Switching(Ferroelectric):
     def _state_size(self) -> int:
         """Numbers in a state."""
 
-    @abstractmethod
-    def _compiled_run(
-        self, state: State, time: Array, voltage: Array, polarization: Array, phase_fraction: Array
-    ) -> int:
-        """Move the state, fill the last two arrays; returns the first sample that cannot be used, else -1."""
+    _kernel: ClassVar[Any]
+    """Module of the compiled loops: `run` and `run_inverse` move a state, fill the last two arrays they are given, and
+    return the first sample that cannot be used, or whose time runs back, else -1."""
 
+    @property
     @abstractmethod
-    def _compiled_inverse(
-        self, state: State, time: Array, polarization: Array, voltage: Array, phase_fraction: Array
-    ) -> int:
-        """Move the state, fill the last two arrays; returns the first sample whose time runs back, else -1."""
+    def _numbers(self) -> Any:
+        """The model's parameters as the compiled loops take them."""
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Voltage [V] to polarization [C/m^2] and phase fraction [-].
@@ -68,7 +66,10 @@ class Switching(Ferroelectric):
         self._check("polarization", signals.polarization, signals.time, state)
         after = state.copy()
         voltage, phase_fraction = np.empty(signals.time.size), np.empty(signals.time.size)
-        bad = self._compiled_inverse(after, signals.time, signals.polarization, voltage, phase_fraction)
+        limits = FIELD_LIMIT * self.layer_thickness, INVERSE_TOLERANCE
+        bad = self._kernel.run_inverse(
+            after, self._numbers, signals.time, signals.polarization, voltage, phase_fraction, *limits
+        )
         if bad >= 0:
             raise BenchError(
                 f"{self.kind}: time {signals.time[bad]:.9g} s at sample {bad} is not after the one before; sort it"
@@ -89,7 +90,7 @@ class Switching(Ferroelectric):
 
     def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
         polarization, phase_fraction = np.empty(time.size), np.empty(time.size)
-        bad = self._compiled_run(state, time, voltage, polarization, phase_fraction)
+        bad = self._kernel.run(state, self._numbers, time, voltage, polarization, phase_fraction)
         if bad >= 0:
             raise BenchError(
                 f"{self.kind}: sample {bad} ({time[bad]:.9g} s, {voltage[bad]:.6g} V) is not finite, beyond"

@@ -109,12 +109,12 @@ def solve(
             if converged or count == most_steps:
                 break
             trial = np.clip(vector + step, lower, upper)
-            gained = cost - _cost_at(problem, trial, rows, targets)
+            gained = cost - cost_at(problem, trial, rows, targets)
             accepted = gained > 0.0
             if not accepted and refused == _LEAP_AFTER:
                 bounds = (lower - vector, upper - vector)
                 leaps = [share * _damped_step(gram, gradient, _LEAP_DAMPING, *bounds) for share in _LEAPS]
-                costs = [_cost_at(problem, np.clip(vector + leap, lower, upper), rows, targets) for leap in leaps]
+                costs = [cost_at(problem, np.clip(vector + leap, lower, upper), rows, targets) for leap in leaps]
                 trial = np.clip(vector + leaps[int(np.argmin(costs))], lower, upper)
                 gained = cost - min(costs)
                 accepted = gained > 0.0
@@ -137,8 +137,14 @@ def _cost(residuals: Sequence[Array], rows: Array, targets: Array, vector: Array
     return sum(float(np.dot(r, r)) for r in residuals) + float(prior @ prior)
 
 
-def _cost_at(problem: Problem, vector: Array, rows: Array, targets: Array) -> float:
-    """Cost of a trial; infinite where the problem refuses it."""
+def cost_at(problem: Problem, vector: Array, rows: Array, targets: Array) -> float:
+    """Sum of squares of the residuals and of the prior's rows at a vector; infinite where the problem refuses it.
+
+    Args:
+        problem: see `Problem`.
+        vector: [shape (p,)].
+        rows, targets: of the prior [shapes (m, p), (m,)].
+    """
     try:
         cost = _cost(problem.residuals(vector), rows, targets, vector)
     except BenchError:

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits as _threadpool_limits
 
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import one_blas_thread
 from pzt_ros.physics.identified_hats import accumulate, hats_of, node_count
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import Array
@@ -24,8 +24,6 @@ from pzt_ros.sysid.gauss_newton import Solution, solve
 from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
 from pzt_ros.sysid.identified_problem import IdentifiedProblem, MeasuredRun, rms_of
 from pzt_ros.sysid.thinning import kept_samples
-
-threadpool_limits: Any = _threadpool_limits  # it carries no types
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
 _FEWEST = 1500  # samples that a thinned run keeps at least, holds too
@@ -130,7 +128,7 @@ class IdentifiedFit:
     progress: Callable[[str, float], None] = lambda what, error: None
 
     def fit(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> IdentifiedResult:
-        """Find everything together, with one thread of BLAS: several only wait for one another in small solves.
+        """Find everything together.
 
         Args:
             runs: that are fitted.
@@ -142,7 +140,7 @@ class IdentifiedFit:
         """
         if not runs or any(np.ptp(run.voltage) == 0.0 or not np.any(run.counted) for run in runs):
             raise BenchError("identified lattice: each run needs a voltage that moves and samples that count")
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             return self._fitted(runs, choosing)
 
     def _fitted(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> IdentifiedResult:

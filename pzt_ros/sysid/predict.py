@@ -116,11 +116,11 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     noise = noise_floor(record.displacement).rms
     if not base.occupancy:  # a grid of occupancies tells more than prior reversals could
         base = settle(model, counted, base, noise=noise)
-    expected = {name: expected_value(known.values(), name) for name in own}
+    expected = {name: _expected(known.values(), name) for name in own}
     return with_offset(model, counted, with_own_values_fitted(model, counted, base, expected, noise)), rule
 
 
-def expected_value(starts: Iterable[Start], name: str) -> tuple[float, float]:
+def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:
     """What a parameter of a run is expected to be by the runs that were fitted: mean and spread [SI]."""
     values = [dict(start.values)[name] for start in starts if name in dict(start.values)]
     if not values:
