@@ -140,13 +140,20 @@ def _declared_error(found: Hypothesis) -> Array:
 
 
 def _identified_error(runs: Sequence[RunData]) -> Array:
-    """The same of the identified density; start and zero of a run that is not fitted are from the part that chooses."""
+    """The same of the identified density, fitted to the train runs and the part that chose."""
     fitted = [_measured(run) for run in runs if FIT in run.picks]
     others = [_measured(run) for run in runs if FIT not in run.picks]
     others = [replace(run, counted=run.chooses) for run in others]
-    found = IdentifiedFit(_THICKNESS, rotations=ROTATIONS, orders=ORDERS).fit(fitted, others)
-    predicted = found.predict(others[-1]) if others else found.problem.predict(found.vector)[-1]
-    return runs[-1].record.displacement - predicted
+    fit = IdentifiedFit(_THICKNESS, rotations=ROTATIONS, orders=ORDERS)
+    found = fit.fit(fitted, others)
+    everything = [_all_fitted(run) for run in (*fitted, *others)]
+    found = fit.only(found.choices[0]).fit(everything)
+    return runs[-1].record.displacement - found.problem.predict(found.vector)[-1]
+
+
+def _all_fitted(run: MeasuredRun) -> MeasuredRun:
+    """What chose is fitted, too, once everything is chosen."""
+    return run if run.chooses is None else replace(run, counted=run.counted | run.chooses, chooses=None)
 
 
 def _measured(run: RunData) -> MeasuredRun:

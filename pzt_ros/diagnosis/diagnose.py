@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.base import default_chain, fit_declared
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
@@ -135,8 +136,8 @@ def _report(
     asked: Thresholds,
     command: str,
 ) -> Report:
-    baseline = model_of(chosen.base, "baseline", command)
-    model = model_of(chosen.final, "model", command)
+    baseline = model_of(_last_fit(chosen.base, chosen), "baseline", command)
+    model = model_of(_last_fit(chosen.final, chosen), "model", command)
     before, after = errors_of(baseline, runs), errors_of(model, runs)
     tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
     remains = remains_of(runs, after.residuals, asked.floor, _SLOW_FLOOR)
@@ -168,6 +169,11 @@ def _report(
     )
 
 
+def _last_fit(found: Hypothesis, chosen: Branch) -> Hypothesis:
+    """As it is written down. Declared densities have so few parameters that more samples do not change them."""
+    return fitted_to_all(found) if chosen.density == "identified" else found
+
+
 def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
     """Whether an identified density is clean where it was fitted and not where it was not: not identified there."""
     final = chosen.final
@@ -194,7 +200,7 @@ def _found(
     found, reached = [], before
     for candidate in added:
         last = candidate.after is chosen.final
-        now = after if last else errors_of(model_of(candidate.after, "step", command), runs)
+        now = after if last else errors_of(model_of(_last_fit(candidate.after, chosen), "step", command), runs)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
         place = EFFECT_OF[candidate.cause].place
         found.append(FoundEffect(candidate.cause, place, reached.test, now.test, own, _probability(candidate, chosen)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -126,8 +125,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
     found = _identified(fit, runs, voltages, unknown)
     if found.choices[0].held_out > _CLEAN and not all(unknown):
         chosen = found.choices[0]
-        fit = replace(fit, resolutions=(chosen.resolution,), rotations=(chosen.rotation,), orders=(chosen.order,))
-        other = _identified(fit, runs, voltages, [True] * len(runs))
+        other = _identified(fit.only(chosen), runs, voltages, [True] * len(runs))
         if other.choices[0].held_out < _BETTER * chosen.held_out:
             found, unknown = other, [True] * len(runs)
     base = found.problem.base

@@ -127,6 +127,10 @@ class IdentifiedFit:
     voltage_range: tuple[float, float] | None = None
     progress: Callable[[str, float], None] = lambda what, error: None
 
+    def only(self, choice: Choice) -> IdentifiedFit:
+        """The same with nothing left to compare."""
+        return replace(self, resolutions=(choice.resolution,), rotations=(choice.rotation,), orders=(choice.order,))
+
     def fit(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> IdentifiedResult:
         """Find everything together.
 
@@ -145,7 +149,8 @@ class IdentifiedFit:
 
     def _fitted(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> IdentifiedResult:
         training = [_thinned(run) for run in runs]
-        if not choosing and not any(run.chooses is not None for run in runs):
+        compared = len(self.resolutions) * len(self.rotations) * len(self.orders)
+        if compared > 1 and not choosing and not any(run.chooses is not None for run in runs):
             training = [self._divided(run) for run in training]
         search = _Search(self, training, [_thinned(run) for run in choosing])
         resolution, *finer = self.resolutions
