@@ -140,7 +140,8 @@ def _report(
     model = model_of(_last_fit(chosen.final, chosen), "model", command)
     before, after = errors_of(baseline, runs), errors_of(model, runs)
     tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
-    remains = remains_of(runs, after.residuals, asked.floor, _SLOW_FLOOR)
+    floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
+    remains = remains_of(runs, after.residuals, floor, _SLOW_FLOOR)
     sparse = _is_sparse(chosen, asked) and remains.present
     if sparse:
         remains = dataclasses.replace(remains, present=False)

@@ -122,12 +122,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
     unknown = [known_not or _begins_driven(run) for known_not, run in zip(unknown, runs, strict=True)]
     reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
-    found = _identified(fit, runs, voltages, unknown)
-    if found.choices[0].held_out > _CLEAN and not all(unknown):
-        chosen = found.choices[0]
-        other = _identified(fit.only(chosen), runs, voltages, [True] * len(runs))
-        if other.choices[0].held_out < _BETTER * chosen.held_out:
-            found, unknown = other, [True] * len(runs)
+    found, unknown = _identified(fit, runs, voltages, unknown)
     base = found.problem.base
     flexible = FlexibleHysteresis(
         [run.record.time for run in runs],
@@ -160,11 +155,27 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
 
 def _identified(
     fit: IdentifiedFit, runs: Sequence[RunData], voltages: Sequence[Array], unknown: Sequence[bool]
-) -> IdentifiedResult:
-    """The density fitted to the runs with a part to fit; those with a part that chooses choose."""
-    fitted_runs = [_measured(run, voltages[n], unknown[n]) for n, run in enumerate(runs) if FIT in run.picks]
-    choosing = [_choosing(run, voltages[n], unknown[n]) for n, run in enumerate(runs) if SELECTION in run.picks]
-    return fit.fit(fitted_runs, choosing)
+) -> tuple[IdentifiedResult, Sequence[bool]]:
+    """The density, and of which runs the start is unknown: of all where that describes the parts that choose better.
+
+    Runs with a part to fit are fitted; those with a part that chooses choose.
+    """
+
+    def measured(unknown: Sequence[bool]) -> tuple[list[MeasuredRun], list[MeasuredRun]]:
+        numbered = list(enumerate(runs))
+        return (
+            [_measured(run, voltages[n], unknown[n]) for n, run in numbered if FIT in run.picks],
+            [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks],
+        )
+
+    search = fit.chosen(*measured(unknown))
+    choice = search.best[0]
+    if choice.held_out > _CLEAN and not all(unknown):
+        doubted = [True] * len(runs)
+        other = fit.only(choice).chosen(*measured(doubted))
+        if other.best[0].held_out < _BETTER * choice.held_out:
+            search, unknown = other, doubted
+    return fit.finished(search, measured(unknown)[0]), unknown
 
 
 def _begins_driven(run: RunData) -> bool:

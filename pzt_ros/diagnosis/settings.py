@@ -23,6 +23,7 @@ class Thresholds:
         refits: candidates that are refitted at most.
         most_effects: that are added at most.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
+        flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
     fit_gain: float = 25.0
@@ -41,6 +42,7 @@ class Thresholds:
     most_effects: int = 4
     flexible_share: float = 0.6
     flexible_size: float = 0.4
+    flexible_remains: float = 1.10
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""

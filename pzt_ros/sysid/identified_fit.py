@@ -28,7 +28,7 @@ from pzt_ros.sysid.thinning import kept_samples
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
 _FEWEST = 1500  # samples that a thinned run keeps at least, holds too
 _AS_GOOD = 1.02  # error over the least one that still counts as equal: the stronger prior is taken then
-_FEW_STEPS, _MOST_STEPS, _GAIN = 6, 30, 1e-3
+_FEW_STEPS, _MOST_STEPS, _LAST_STEPS, _GAIN = 6, 30, 8, 1e-3
 _HOPELESS = 1.3  # error over the least one from which on stronger priors are not tried
 
 
@@ -142,17 +142,20 @@ class IdentifiedFit:
         Raises:
             BenchError: nothing to fit, or a run that is not driven.
         """
-        if not runs or any(np.ptp(run.voltage) == 0.0 or not np.any(run.counted) for run in runs):
-            raise BenchError("identified lattice: each run needs a voltage that moves and samples that count")
-        with one_blas_thread():
-            return self._fitted(runs, choosing)
+        return self.finished(self.chosen(runs, choosing), runs)
 
-    def _fitted(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> IdentifiedResult:
+    def chosen(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> Search:
+        """Only compare, on thinned runs; `fit` goes on from there."""
+        _refuse_still(runs)
+        with one_blas_thread():
+            return self._searched(runs, choosing)
+
+    def _searched(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> Search:
         training = [_thinned(run) for run in runs]
         compared = len(self.resolutions) * len(self.rotations) * len(self.orders)
         if compared > 1 and not choosing and not any(run.chooses is not None for run in runs):
             training = [self._divided(run) for run in training]
-        search = _Search(self, training, [_thinned(run) for run in choosing])
+        search = Search(self, training, [_thinned(run) for run in choosing])
         resolution, *finer = self.resolutions
         order, *higher = sorted(self.orders)
         search.compare((resolution, rotation, order) for rotation in sorted(self.rotations))
@@ -160,14 +163,20 @@ class IdentifiedFit:
         search.compare((resolution, best.rotation, other) for other in higher)
         best = search.best[0]
         search.compare((other, best.rotation, best.order) for other in finer)
+        return search
+
+    def finished(self, search: Search, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
+        """The best of a search, fitted to all counted samples of the runs."""
         choice, problem, vector = search.best
         steps, lines = search.steps, self.fine_lines[0]
         lines = min(max(lines, math.ceil(problem.base.finest(vector))), self.fine_lines[1])
-        for counted, what in (([_thinned(run) for run in runs], "thinned runs"), (runs, "all samples")):
-            former, problem = problem, self._problem(counted, choice, lines)
-            begin = problem.with_law_of(vector, former, vector)
-            solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}")
-            steps, vector = steps + solution.steps, solution.vector
+        stages = (([_thinned(run) for run in runs], "thinned runs", _MOST_STEPS), (runs, "all samples", _LAST_STEPS))
+        with one_blas_thread():
+            for counted, what, most_steps in stages:
+                former, problem = problem, self._problem(counted, choice, lines)
+                begin = problem.with_law_of(vector, former, vector)
+                solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}", most_steps)
+                steps, vector = steps + solution.steps, solution.vector
         choices = [choice, *(other for other, _, _ in search.found if other is not choice)]
         return IdentifiedResult(problem, vector, solution.residuals, choices, steps)
 
@@ -216,7 +225,7 @@ class IdentifiedFit:
         return IdentifiedProblem(base, runs, order=choice.order, lag=self.lag, drift=self.drift)
 
 
-class _Search:
+class Search:
     """Choices that were fitted to the same thinned runs, each from where the one before ended.
 
     Attributes:
@@ -268,6 +277,11 @@ class _Search:
             if run.chooses is not None:
                 late.append((model - run.measured)[run.chooses] / run.noise)
         return rms_of(late)
+
+
+def _refuse_still(runs: Sequence[MeasuredRun]) -> None:
+    if not runs or any(np.ptp(run.voltage) == 0.0 or not np.any(run.counted) for run in runs):
+        raise BenchError("identified lattice: each run needs a voltage that moves and samples that count")
 
 
 def _centring(problem: IdentifiedProblem, vector: Array) -> tuple[float, float]:
