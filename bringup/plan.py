@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import yaml
 from pzt_bringup.processes import COMPOSED, SEPARATE, ProcessRow
 from pzt_config.topics import NODES
 from pzt_ros.errors import BenchError
+from pzt_ros.hardware.choose import Drivers, as_parameters
 from pzt_ros.quantities import parameters_of
 from pzt_ros.scenario import Scenario, Timing
 
@@ -34,6 +35,7 @@ class Plan:
         duration: cut the scenario after this time [s]; None for its full length.
         domain: ROS domain.
         namespace: of the axis.
+        drivers: the instruments behind the amplifier and the sensor node.
     """
 
     scenario: Scenario
@@ -43,11 +45,17 @@ class Plan:
     duration: float | None
     domain: int
     namespace: str = "/stage"
+    drivers: Drivers = field(default_factory=Drivers)
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """The nodes of this graph: the plant is there only if a sensor reads it."""
+        return tuple(node for node in NODES if node != "plant" or self.drivers.needs_plant)
 
     @property
     def processes(self) -> tuple[ProcessRow, ...]:
         """The rows of the process table that are started."""
-        return COMPOSED if self.composed else SEPARATE
+        return COMPOSED if self.composed else tuple(row for row in SEPARATE if set(row.nodes) <= set(self.nodes))
 
     @property
     def bag(self) -> Path:
@@ -72,6 +80,8 @@ def prepare(plan: Plan) -> None:
     """
     if plan.rate not in RATES:
         raise BenchError(f"rate '{plan.rate}' is not one of {', '.join(RATES)}")
+    if plan.composed and not plan.drivers.needs_plant:
+        raise BenchError("a graph in one process has the simulated plant in it; use separate processes with hardware")
     if plan.bag.exists():
         raise BenchError(f"{plan.folder} holds a run already ({plan.bag.name}/ is there); choose another --out")
     try:
@@ -90,12 +100,12 @@ def node_parameters(plan: Plan) -> dict[str, Any]:
     """The content of the ROS parameter file: each node's section."""
     s = plan.scenario
     timing = {name: float(getattr(s.timing, name)) for name in parameters_of(Timing)}
-    common: dict[str, Any] = {**timing, "nodes": ",".join(NODES)}
+    common: dict[str, Any] = {**timing, "nodes": ",".join(plan.nodes)}
     own: dict[str, dict[str, Any]] = {
         "recorder": {"bag": str(plan.bag), "nodes": common["nodes"]},
-        "amplifier": {"chain": s.plant, "limits": _values(s.limits)},
+        "amplifier": {"chain": s.plant, "limits": _values(s.limits), **as_parameters(plan.drivers.amplifier)},
         "plant": {"chain": s.plant, "rate": plan.rate},
-        "sensor": {"chain": s.plant},
+        "sensor": {"chain": s.plant, **as_parameters(plan.drivers.sensor)},
         "observer": {"model": s.model, "observer": s.observer.kind, s.observer.kind: _values(s.observer)},
         "controller": {"model": s.model, **{name: _values(c) for name, c in s.controllers.items() if _values(c)}},
         "experiment": {"scenario": str(s.source), "duration": float(plan.duration or 0.0)},
@@ -118,7 +128,8 @@ def _provenance(plan: Plan) -> dict[str, Any]:
         "plant": plan.scenario.plant,
         "model": plan.scenario.model,
         "seed": plan.scenario.seed,
-        "simulated": True,
+        "simulated": plan.drivers.simulated,
+        "drivers": {"amplifier": plan.drivers.amplifier.kind, "sensor": plan.drivers.sensor.kind},
         "namespace": plan.namespace,
         "composed": plan.composed,
         "rate": plan.rate,

@@ -28,6 +28,7 @@ class Topic:
         rate: how often it is said, for people.
         description: one line, for people.
         logged: whether the recorder writes it to the bag.
+        without_plant: nodes that need it only where no simulated plant is in the graph.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Topic:
     rate: str = "one per block"
     description: str = ""
     logged: bool = True
+    without_plant: tuple[str, ...] = ()
 
     @property
     def is_block(self) -> bool:
@@ -56,14 +58,16 @@ TOPICS: dict[str, Topic] = {
         Topic("drive", BLOCK, "controller", ("amplifier",), ("time_s", "command_voltage_V"),
               description="command to the amplifier for the next block"),
         Topic("applied", BLOCK, "amplifier", ("plant", "observer", "controller", "experiment"),
-              ("time_s", "voltage_V", "current_A", "charge_C"),
-              description="what the amplifier put out: voltage across the ceramic, current, charge (Sawyer-Tower)"),
+              ("time_s", "voltage_V", "current_A", "charge_C"), without_plant=("sensor",),
+              description="what the amplifier put out: voltage across the ceramic, current, charge (Sawyer-Tower); "
+              "without a plant the sensor reads by it"),
         Topic("truth", BLOCK, "plant", ("sensor",),
               ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction"),
               description="simulation only: what really happened"),
-        Topic("measurement", BLOCK, "sensor", ("observer", "controller", "experiment"), ("time_s", "displacement_m"),
+        Topic("measurement", BLOCK, "sensor", ("observer", "controller", "experiment", "amplifier"),
+              ("time_s", "displacement_m"),
               description="the sensor's reading; the heartbeat of the graph"),
-        Topic("estimate", BLOCK, "observer", ("controller",),
+        Topic("estimate", BLOCK, "observer", ("controller", "amplifier"),
               ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction", "innovation_m", "disturbance_m"),
               description="the observer's view of the block just measured"),
         Topic("joint_states", JOINT_STATE, "sensor", (), rate="at most 100 Hz",
@@ -87,13 +91,14 @@ def published_by(node: str) -> tuple[Topic, ...]:
     return tuple(topic for topic in TOPICS.values() if topic.publisher in (node, "*"))
 
 
-def subscribed_by(node: str) -> tuple[Topic, ...]:
-    """The topics a node needs."""
+def subscribed_by(node: str, nodes: tuple[str, ...] = NODES) -> tuple[Topic, ...]:
+    """The topics a node needs in a graph of `nodes`."""
     if node == "recorder":
         return tuple(topic for topic in TOPICS.values() if topic.logged)
-    return tuple(topic for topic in TOPICS.values() if node in topic.subscribers)
+    more = () if "plant" in nodes else tuple(t.name for t in TOPICS.values() if node in t.without_plant)
+    return tuple(topic for topic in TOPICS.values() if node in topic.subscribers or topic.name in more)
 
 
 def readers_of(topic: Topic, nodes: tuple[str, ...]) -> int:
     """How many of `nodes` read a topic."""
-    return sum(topic in subscribed_by(node) for node in nodes)
+    return sum(topic in subscribed_by(node, nodes) for node in nodes)

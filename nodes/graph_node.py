@@ -62,6 +62,10 @@ class GraphNode(Node):
 
     # -- topics
 
+    def qos(self, topic: Topic) -> QoSProfile:
+        """The QoS of a topic as the table has it."""
+        return self._qos(topic)
+
     def _qos(self, topic: Topic, depth: int | None = None) -> QoSProfile:
         profile = QOS[topic.qos]
         return QoSProfile(
@@ -125,7 +129,7 @@ class GraphNode(Node):
         """What this node still waits for before a run can start: unmatched topics."""
         waits = [
             f"no publisher on {topic.name}"
-            for topic in subscribed_by(self.role)
+            for topic in subscribed_by(self.role, self.peers)
             if topic.publisher in self.peers and self.count_publishers(topic.name) == 0
         ]
         for topic in published_by(self.role):

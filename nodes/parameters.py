@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from pzt_ros.quantities import parameters_of
+from pzt_ros.quantities import choices_of, parameters_of
 
 Owner = TypeVar("Owner")
+Settings = TypeVar("Settings")
 
 
 def declare_text(node: Node, name: str, default: str, description: str) -> str:
@@ -38,6 +39,21 @@ def declare_all(node: Node, prefix: str, owner: Owner, *, read_only: bool = Fals
         )
         given[name] = float(node.declare_parameter(full, float(getattr(owner, name)), descriptor).value)
     return dataclasses.replace(owner, **given)  # type: ignore[type-var]
+
+
+def declare_driver(node: Node, table: Mapping[str, type[Settings]], find: Callable[[str], type[Settings]]) -> Settings:
+    """The settings of the driver that the parameter `driver` names, each a read-only parameter `kind.field`.
+
+    Raises:
+        BenchError: there is no such driver.
+    """
+    kind = declare_text(node, "driver", "simulated", f"the instrument behind this node: one of {', '.join(table)}")
+    settings = declare_all(node, kind, find(kind)(), read_only=True)
+    words = {
+        name: declare_text(node, f"{kind}.{name}", getattr(settings, name), declared.description)
+        for name, declared in choices_of(settings).items()
+    }
+    return dataclasses.replace(settings, **words)  # type: ignore[type-var]
 
 
 def _range(lower: float, upper: float) -> list[FloatingPointRange]:

@@ -4,27 +4,61 @@ from __future__ import annotations
 
 from pzt_nodes.graph_node import GraphNode
 from pzt_nodes.messages import joint_state
+from pzt_nodes.parameters import declare_driver
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
-from pzt_ros.hardware.stage import SimulatedSensor
+from pzt_ros.errors import BenchError
+from pzt_ros.hardware.driver import Bench
+from pzt_ros.hardware.table import SENSORS, find_sensor
 
 
 class SensorNode(GraphNode):
-    """A displacement sensor; the simulated one reads the plant's `truth`."""
+    """A displacement sensor, chosen by the parameter `driver`.
+
+    The simulated one reads the plant's `truth`. Every other is asked for a block when the amplifier says in `applied`
+    that the block was put out; what it cannot read is not said, and the amplifier notices the silence.
+    """
 
     def __init__(self) -> None:
         super().__init__("sensor")
-        chain = self.load_plant()
-        self.sensor = SimulatedSensor(chain, self.rest)
-        self.sensor.warm_up()
+        settings = declare_driver(self, SENSORS, find_sensor)
+        self.driver = settings.build(Bench(self.load_plant(), self.rest, self.sample_rate, self.block_size))
+        self.driver.open()
+        self.driver.warm_up()
+        self._remark = ""
+        self._say_remark()
         self.axis = self.get_namespace().strip("/").replace("/", "_") or "stage"
-        self.listen("truth", self._on_truth)
+        if settings.reads_truth:
+            self.listen("truth", self._on_block)
+        else:
+            self.listen("applied", self._on_block)
 
-    def _on_truth(self, block: Block) -> None:
+    def _on_block(self, block: Block) -> None:
+        truth = block["displacement_m"] if "displacement_m" in block.columns else block.time
+        try:
+            measurement = self.driver.read(block.time, truth)
+        except BenchError as error:
+            self.counts["sensor could not be read"] += 1
+            self.get_logger().error(str(error), throttle_duration_sec=1.0)
+            return
         self.ticks += 1
-        measurement = self.sensor.read(block.time, block["displacement_m"])
         self.publish("measurement", block.time, measurement)
         self.plot("joint_states", float(block.time[-1]), lambda: joint_state(self.axis, block.time, measurement))
+        self._say_remark()
+
+    def _say_remark(self) -> None:
+        if self.driver.remark != self._remark:
+            self._remark = self.driver.remark
+            self.get_logger().info(self._remark)
+
+    def health(self) -> tuple[str, str, dict[str, object]]:
+        """What the driver has to say."""
+        level, text, values = super().health()
+        return level, text, {**values, "remark": self.driver.remark} if self.driver.remark else values
+
+    def close(self) -> None:
+        """Let go of the instrument."""
+        self.driver.close()
 
 
 def main() -> None:

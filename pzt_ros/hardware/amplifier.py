@@ -33,7 +33,22 @@ class Applied:
 
 
 class AmplifierDriver(Protocol):
-    """The slot for a real amplifier or DAQ output."""
+    """The slot for a real amplifier or DAQ output.
+
+    The guard stands before it: what arrives here is finite, of the right shape, inside window and slew rate. Whatever
+    fails raises `BenchError` with one line within a bounded time, and the guard makes it a fault; while that lasts it
+    asks for `voltage` again and again, which is where a driver reconnects.
+    """
+
+    @property
+    def remark(self) -> str:
+        """What the person at the bench should know now; empty most of the time."""
+
+    def open(self) -> None:
+        """Connect, and see that it is the instrument that was meant; nothing is put out."""
+
+    def close(self) -> None:
+        """Bring the stack to 0 V if it still can be reached, and let go; never raises, and may be called again."""
 
     def apply(self, time: Array, command_voltage: Array) -> Applied:
         """Put out a block of command voltage [V] and say what happened."""
@@ -55,6 +70,8 @@ class SimulatedAmplifier:
 
     It runs the ferroelectric link a second time, beside the plant's, because current and charge are measured here.
     """
+
+    remark = ""
 
     def __init__(self, chain: Chain, rest: Rest) -> None:
         self._amplifier = chain.section(AMPLIFIER)
@@ -79,6 +96,13 @@ class SimulatedAmplifier:
         _, driven = self._amplifier.step(self._amplifier_state, Signals(REHEARSAL, np.zeros_like(REHEARSAL)))
         self._load.step(self._load_state, driven)
         _current(REHEARSAL, REHEARSAL, 0.0, 0.0)
+
+    def open(self) -> None:
+        """There is nothing to connect to."""
+
+    def close(self) -> None:
+        """Its relay discharges the stack."""
+        self._voltage = 0.0
 
     @property
     def voltage(self) -> float:

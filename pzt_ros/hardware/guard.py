@@ -1,55 +1,35 @@
 """Between a bug and 150 V stands this: everything the amplifier is asked to do passes here first.
 
-It checks every block and trusts nobody. What cannot be (not a number, another shape, out of turn) is refused; what is
-too much (outside the window, too fast) is limited and counted; what is dangerous (too much current, silence,
-not-a-number) is a fault: the voltage is ramped to 0 V at the safe rate, and the fault stays until it is reset.
+It checks every block and trusts nobody. What cannot be (another shape, out of turn) is refused; what is too much
+(outside the window, too fast) is limited and counted; what is dangerous (too much current or power, silence, not a
+number, a driver that fails) is a fault: the voltage is ramped to 0 V at the safe rate, and the fault stays until it is
+reset. Which event leads where is the table in `machine.py`.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
+from pzt_ros.errors import BenchError
+from pzt_ros.hardware import machine
 from pzt_ros.hardware.amplifier import AmplifierDriver, Applied
+from pzt_ros.hardware.limits import Limits
+from pzt_ros.hardware.machine import DISABLED, ENABLED, FAULT, RAMPING, TRIPPED, SafetyMachine
 from pzt_ros.physics.signals import Array
-from pzt_ros.quantities import parameter
 from pzt_ros.reference import block_times
 
-DISABLED, ENABLED, RAMPING, FAULT = "disabled", "enabled", "ramping", "fault"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What the stack and the amplifier stand (thesis 2.1: used from -40 to 150 V, amplifier 200 mA)."""
-
-    voltage_min: float = parameter(-40.0, "V", "lowest voltage across the stack", bounds=(-200.0, 0.0))
-    voltage_max: float = parameter(150.0, "V", "highest voltage across the stack", bounds=(0.0, 200.0))
-    slew_rate: float = parameter(2e5, "V/s", "fastest change of the voltage", bounds=(1.0, 5e8))
-    current: float = parameter(0.2, "A", "largest current into the stack", bounds=(1e-6, 10.0))
-    safe_rate: float = parameter(500.0, "V/s", "rate of the ramp to 0 V that makes the stage safe", bounds=(1.0, 1e5))
-    command_timeout: float = parameter(
-        0.5, "s", "silence of the commands, on the wall clock, before the stage is made safe", bounds=(0.005, 60.0)
-    )
-
-    @property
-    def ramp_rate(self) -> float:
-        """Rate of the ramp to 0 V [V/s]: the safe rate, unless even that is too fast."""
-        return min(self.safe_rate, self.slew_rate)
-
-    @property
-    def declared_safe_time(self) -> float:
-        """Within this wall-clock time after the last command the stack is at 0 V [s]; 0.2 s are for the machine."""
-        return self.command_timeout + max(-self.voltage_min, self.voltage_max) / self.ramp_rate + 0.2
+__all__ = ["DISABLED", "ENABLED", "FAULT", "RAMPING", "GuardedAmplifier", "Limits"]
 
 
 class GuardedAmplifier:
-    """An amplifier driver behind its guards, as a machine of four states.
+    """An amplifier driver behind its guards.
 
-    disabled: 0 V whatever is asked. enabled: follows the commands. ramping: on the way to 0 V, commands are ignored.
-    fault: at 0 V with a reason, until `reset`. The limits are the stack's; a command is smaller by the driver's gain.
+    The limits are the stack's; a command is smaller by the driver's gain. Enabling and ramping start at the voltage
+    that is found at the stack then, so neither makes the stage jump.
     """
 
     def __init__(self, driver: AmplifierDriver, limits: Limits, sample_rate: float, block_size: int) -> None:
@@ -57,16 +37,30 @@ class GuardedAmplifier:
         self.limits = limits
         self.sample_rate = sample_rate
         self.block_size = block_size
-        self.state = DISABLED
-        self.reason = ""
         self.counts: Counter[str] = Counter()
-        self._command = driver.voltage / driver.gain
+        self._machine = SafetyMachine()
+        self._present: dict[str, str] = {}
+        self._voltage = math.nan
+        self._command = math.nan
+        self._ceiling = math.inf  # no more than this can have been put out, up or down
         self._next = 0
+        self._lost = False
+        self._find()
 
     def warm_up(self) -> None:
         """Compile now what the first command would have to wait for."""
         _limit(np.zeros(2), 0.0, 0.0, 0.0, 1.0)
         self.driver.warm_up()
+
+    @property
+    def state(self) -> str:
+        """disabled, enabled, ramping or fault."""
+        return self._machine.shown
+
+    @property
+    def reason(self) -> str:
+        """Of the fault, or empty."""
+        return self._machine.reason
 
     @property
     def next_block(self) -> int:
@@ -75,67 +69,148 @@ class GuardedAmplifier:
 
     @property
     def command_voltage(self) -> float:
-        """The last command put out [V]."""
+        """The last command put out, or the one that holds the voltage found [V]."""
         return self._command
+
+    @property
+    def stack_voltage(self) -> float:
+        """Voltage at the stack as far as it is known [V]; NaN while the driver cannot say."""
+        return math.nan if self._lost else self._voltage
+
+    # -- what is asked
 
     def enable(self) -> str:
         """Follow commands from now on; returns what is in the way, or nothing."""
-        if self.state == RAMPING:
-            return f"cannot enable: ramping to 0 V{f' ({self.reason})' if self.reason else ''}; wait until it is there"
-        if self.state == FAULT:
-            return f"cannot enable: fault ({self.reason}); reset first"
-        self.state = ENABLED
-        return ""
+        cause = self._cause_present()
+        if self._machine.state == DISABLED and not cause:
+            cause = self._cannot_start()
+        return self._machine.handle(machine.ENABLE_EARLY if cause else machine.ENABLE, cause)
 
     def disable(self) -> None:
-        """Ramp to 0 V and ignore commands."""
-        if self.state == ENABLED:
-            self.state = RAMPING if self._command != 0.0 else DISABLED
+        """Ramp to 0 V and ignore commands; a disabled amplifier is left as it is."""
+        self._machine.handle(machine.DISABLE)
+        self._settle()
+
+    def discharge(self) -> None:
+        """Ramp to 0 V from wherever the stack is."""
+        if self._machine.state == DISABLED:
+            self._find(at_rest=True)
+        self._machine.handle(machine.DISCHARGE)
+        self._settle()
 
     def reset(self) -> str:
-        """Leave the fault; returns what is in the way, or nothing."""
-        if self.state != FAULT:
-            return f"nothing to reset: the amplifier is {self.state}"
-        self.state, self.reason = DISABLED, ""
-        return ""
+        """Leave the fault, once its cause is gone; returns what is in the way, or nothing."""
+        cause = self._cause_present()
+        return self._machine.handle(machine.RESET_EARLY if cause else machine.RESET, cause)
+
+    # -- what goes wrong
 
     def fault(self, reason: str) -> None:
         """Something is wrong: ramp to 0 V and stay there. The first reason is the one that is kept."""
-        if self.state == FAULT or (self.state == RAMPING and self.reason):
-            return
-        self.reason = reason
-        self.state = RAMPING if self._command != 0.0 else FAULT
+        self.trip(machine.ASKED_FAULT, reason)
 
-    def apply(self, first_time: float, command_voltage: Array) -> Applied | None:
-        """Put out a block of command voltage [V] that starts at `first_time` [s]; None if it was refused."""
-        if self.state != ENABLED:
-            self.counts[f"refused: amplifier is {self.state}"] += 1
-            return None
-        if command_voltage.shape != (self.block_size,):
-            self.counts["refused: wrong block size"] += 1
-            return None
-        if not abs(first_time * self.sample_rate - self._next * self.block_size) < 0.5:  # refuses a time of NaN, too
-            self.counts["refused: out of turn"] += 1
+    def trip(self, cause: str, reason: str) -> None:
+        """One of the causes of the table has come up."""
+        at_rest = self._machine.state == DISABLED
+        self._machine.handle(cause, reason)
+        if at_rest and self._machine.state == TRIPPED:
+            self._find(at_rest)
+        self._settle()
+
+    def present(self, cause: str, reason: str) -> None:
+        """A cause that lasts: it trips, and until it is said to be gone (no reason) nothing is enabled or reset."""
+        if reason:
+            self._present[cause] = reason
+            self.trip(cause, reason)
+        else:
+            self._present.pop(cause, None)
+
+    # -- blocks
+
+    def apply(self, first_time: float, command_voltage: Array, age: float = 0.0) -> Applied | None:
+        """Put out a block of command voltage [V] that starts at `first_time` [s]; None if it was refused.
+
+        `age` is the wall-clock time since the block before was put out [s].
+        """
+        refused = self._machine.handle(machine.COMMAND) or self._unfit(first_time, command_voltage)
+        if refused:
+            self.counts[f"refused: {refused}"] += 1
             return None
         if not np.all(np.isfinite(command_voltage)):
             self.counts["refused: not finite"] += 1
-            self.fault("command voltage is not a finite number")
+            self.trip(machine.NOT_FINITE, "command voltage is not a finite number")
             return None
-        return self._put_out(self._limited(command_voltage))
+        if not age <= self.limits.oldest_command:
+            self.counts["refused: too old"] += 1
+            self.trip(machine.TOO_OLD, f"command is {age:.2f} s old, limit {self.limits.oldest_command:.2f} s")
+            return None
+        return self._attempt(self._limited(command_voltage))
 
     def hold(self) -> Applied:
-        """Put out one more block of the last command."""
+        """Put out one more block of the last command.
+
+        Raises:
+            BenchError: the driver failed; that is a fault already.
+        """
         return self._put_out(np.full(self.block_size, self._command))
 
-    def ramp(self) -> Applied:
-        """Put out the next block of the way to 0 V, or of staying there."""
+    def ramp(self) -> Applied | None:
+        """Put out the next block of the way to 0 V, or of staying there; None if the driver cannot."""
+        if self._lost and not self._find():
+            return None
         step = self.limits.ramp_rate / self.driver.gain / self.sample_rate
         count = np.arange(1, self.block_size + 1)
         command = np.sign(self._command) * np.maximum(np.abs(self._command) - step * count, 0.0)
-        applied = self._put_out(command)
-        if self.state == RAMPING and self._command == 0.0:
-            self.state = FAULT if self.reason else DISABLED
+        applied = self._attempt(command)
+        self._settle()
         return applied
+
+    # -- inside
+
+    def _unfit(self, first_time: float, command_voltage: Array) -> str:
+        if command_voltage.shape != (self.block_size,):
+            return "wrong block size"
+        if not abs(first_time * self.sample_rate - self._next * self.block_size) < 0.5:  # refuses a time of NaN, too
+            return "out of turn"
+        return ""
+
+    def _cause_present(self) -> str:
+        return next(iter(self._present.values()), "")
+
+    def _cannot_start(self) -> str:
+        """Find the voltage at the stack; what speaks against following commands from there."""
+        if not self._find(at_rest=True):
+            return self.reason
+        limits = self.limits
+        if not limits.voltage_min <= self._voltage <= limits.voltage_max:
+            window = f"{limits.voltage_min:g} to {limits.voltage_max:g} V"
+            return f"the stack is at {self._voltage:.2f} V, outside {window}; discharge it first"
+        return ""
+
+    def _find(self, at_rest: bool = False) -> bool:
+        """Go on from the voltage at the stack; a driver that cannot tell it has failed."""
+        self._lost = True
+        if at_rest:  # nothing is put out: the stack may have been charged to whatever is found
+            self._ceiling = math.inf
+        try:
+            found = self.driver.voltage
+        except BenchError as error:
+            self._machine.handle(machine.DRIVER_FAILED, str(error))
+            return False
+        if not math.isfinite(found):
+            self._machine.handle(machine.DRIVER_FAILED, f"the driver found {found} V at the stack")
+            return False
+        self._voltage, self._lost = found, False
+        command = found / self.driver.gain
+        if self._machine.state == TRIPPED:  # a readback that is wrong must not make the ramp begin with a rise
+            command = min(max(command, -self._ceiling), self._ceiling)
+        self._command, self._ceiling = command, abs(command)
+        return True
+
+    def _settle(self) -> None:
+        """Nothing is left to ramp where the command is 0 V and the driver is there to have put it out."""
+        if self._machine.state in (RAMPING, TRIPPED) and self._command == 0.0 and not self._lost:
+            self._machine.handle(machine.AT_ZERO)
 
     def _limited(self, wanted: Array) -> Array:
         limits, gain = self.limits, self.driver.gain
@@ -147,15 +222,39 @@ class GuardedAmplifier:
         self.counts["limited: slew rate"] += fast
         return command
 
+    def _attempt(self, command: Array) -> Applied | None:
+        try:
+            return self._put_out(command)
+        except BenchError:
+            return None  # `_put_out` has made it a fault
+
     def _put_out(self, command: Array) -> Applied:
         time = block_times(self._next, self.block_size, self.sample_rate)
-        applied = self.driver.apply(time, command)
+        try:
+            applied = self.driver.apply(time, command)
+        except BenchError as error:
+            self._lost = True
+            self._ceiling = max(self._ceiling, float(np.max(np.abs(command))))  # a part of it may be out
+            self.counts["driver failed"] += 1
+            self.trip(machine.DRIVER_FAILED, str(error))
+            raise
         self._next += 1
         self._command = float(command[-1])
-        peak = float(np.max(np.abs(applied.current)))
-        if self.state == ENABLED and not peak <= self.limits.current:  # so a current of NaN is a fault
-            self.fault(f"current of {1e3 * peak:.1f} mA exceeds the limit of {1e3 * self.limits.current:.1f} mA")
+        self._ceiling = abs(self._command)
+        self._voltage = float(applied.voltage[-1])
+        self._check(applied)
         return applied
+
+    def _check(self, applied: Applied) -> None:
+        """Too much current or power is a fault; so is one that is no number."""
+        with np.errstate(invalid="ignore"):  # no number times no number
+            current = float(np.max(np.abs(applied.current)))
+            power = float(np.max(np.abs(applied.voltage * applied.current)))
+        if not current <= self.limits.current:
+            limit = 1e3 * self.limits.current
+            self.trip(machine.OVER_CURRENT, f"current of {1e3 * current:.1f} mA exceeds the limit of {limit:.1f} mA")
+        elif not power <= self.limits.power:
+            self.trip(machine.OVER_POWER, f"power of {power:.3g} W exceeds the limit of {self.limits.power:.3g} W")
 
 
 @njit(cache=True)

@@ -65,7 +65,20 @@ class SimulatedStage:
 
 
 class SensorDriver(Protocol):
-    """The slot for a real displacement sensor."""
+    """The slot for a real displacement sensor; what fails raises `BenchError` with one line, in bounded time."""
+
+    @property
+    def remark(self) -> str:
+        """What the person at the bench should know now; empty most of the time."""
+
+    def open(self) -> None:
+        """Connect, and see that it is the instrument that was meant."""
+
+    def close(self) -> None:
+        """Let go; never raises, and may be called again."""
+
+    def warm_up(self) -> None:
+        """Get ready for the first block."""
 
     def read(self, time: Array, displacement: Array) -> Array:
         """The readings [m] at the sample times; only a simulated sensor looks at the true `displacement` [m]."""
@@ -74,9 +87,17 @@ class SensorDriver(Protocol):
 class SimulatedSensor:
     """The sensor links of the chain: true displacement in, reading out."""
 
+    remark = ""
+
     def __init__(self, chain: Chain, rest: Rest) -> None:
         self._chain = chain.section(SENSOR)
         self._state = self._chain.init(rest)
+
+    def open(self) -> None:
+        """There is nothing to connect to."""
+
+    def close(self) -> None:
+        """There is nothing to let go."""
 
     def warm_up(self) -> None:
         """Compile now what the first block would have to wait for; the state stays as it is."""

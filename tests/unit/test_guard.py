@@ -371,3 +371,41 @@ def test_nothing_dangerous_ever_comes_out(gain: float, found: float, events: lis
     np.testing.assert_array_equal(
         np.concatenate([*bench.driver.times, []]), np.arange(SIZE * len(bench.driver.blocks)) / RATE
     )
+
+
+def test_the_voltage_found_is_that_of_the_moment_of_enabling() -> None:
+    """Somebody charged the stack after the program had started."""
+    bench = Bench(enabled=False)
+    bench.driver.voltage = 64.0
+    assert bench.guard.enable() == ""
+    assert bench.command(0.0) is not None
+    assert bench.driver.stack[0] == 64.0 - SLEW_STEP
+
+
+def test_a_stack_outside_the_window_is_not_enabled_but_discharged() -> None:
+    bench = Bench(found=160.0, enabled=False)
+    assert bench.guard.enable() == ("cannot enable: the stack is at 160.00 V, outside -40 to 150 V; discharge it first")
+    bench.guard.disable()
+    assert (bench.guard.state, bench.driver.blocks) == (DISABLED, []), "disabled already: nothing is put out"
+    bench.guard.discharge()
+    way = bench.ramp_down()
+    assert way[0] == pytest.approx(160.0 - SAFE_STEP)
+    assert way[-1] == 0.0
+    assert bench.guard.state == DISABLED
+    assert bench.guard.enable() == ""
+
+
+def test_discharging_at_zero_volts_is_immediate() -> None:
+    bench = Bench(enabled=False)
+    bench.guard.discharge()
+    assert (bench.guard.state, bench.driver.blocks) == (DISABLED, [])
+
+
+@pytest.mark.parametrize("current", [0.1, -0.1])
+def test_over_power_is_a_fault(current: float) -> None:
+    bench = Bench(dataclasses.replace(LIMITS, power=4.0))
+    bench.driver.current = current
+    bench.go_to(40.0)
+    assert bench.guard.state == ENABLED, "4 W are the limit"
+    bench.command(41.0)
+    assert (bench.guard.state, bench.guard.reason) == (RAMPING, "power of 4.1 W exceeds the limit of 4 W")

@@ -1,0 +1,56 @@
+"""Listening without being woken: blocks are fetched when the node has time for them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+from rclpy.node import Node
+
+from pzt_config.topics import TOPICS
+from pzt_nodes.graph_node import GraphNode
+from pzt_nodes.messages import TYPES, foreign_block
+from pzt_ros.blocks import Block, BlockError
+from pzt_ros.wire import decode
+
+
+class Ears:
+    """Subscriptions that belong to a node no executor spins, because waking up for each message costs the most.
+
+    DDS keeps as many blocks as the topic's QoS says; what is older is gone when it is not fetched in time.
+    """
+
+    def __init__(self, owner: GraphNode, names: tuple[str, ...]) -> None:
+        self._block_size = owner.block_size
+        self._node = Node(
+            f"{owner.role}_ears",
+            namespace=owner.get_namespace(),
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        self._subscriptions = {
+            name: self._node.create_subscription(
+                TYPES[TOPICS[name].type], name, lambda _: None, owner.qos(TOPICS[name]), raw=True
+            )
+            for name in names
+        }
+
+    def take(self) -> Iterator[tuple[str, Block]]:
+        """What has arrived since the last time, topic by topic; what is no block of the table is passed over."""
+        for name, subscription in self._subscriptions.items():
+            for data in _taken(subscription):
+                with contextlib.suppress(BlockError):
+                    block = decode(data, TOPICS[name].columns, self._block_size) or foreign_block(data)
+                    if block.columns == TOPICS[name].columns:
+                        yield name, block
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._node.destroy_node()
+
+
+def _taken(subscription: Any) -> Iterator[bytes]:
+    with subscription.handle:
+        while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+            yield taken[0]

@@ -1,0 +1,107 @@
+"""What the amplifier notices of the run around it: silence, a sensor that is lost or stuck, a second sender."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from pzt_ros.hardware import machine
+from pzt_ros.hardware.amplifier import Applied
+from pzt_ros.hardware.guard import ENABLED, GuardedAmplifier
+from pzt_ros.physics.signals import Array
+
+_BLOCKS_KEPT = 4096
+"""So many blocks of applied voltage may wait for the measurement that goes with them."""
+
+
+class Watch:
+    """Tells the guard what it has seen; times are of a wall clock that never runs back [s].
+
+    A reading is stuck if it stays the same to the bit while the voltage of the blocks before it moves by more than the
+    limit. A sensor is lost if a block was put out and no measurement of it or a later one comes; a graph without a
+    sensor (`expects_sensor` false) has none to lose.
+    """
+
+    def __init__(self, amplifier: GuardedAmplifier, expects_sensor: bool = True) -> None:
+        self.amplifier = amplifier
+        self._expects_sensor = expects_sensor
+        self._last_command = 0.0
+        self._owed: deque[tuple[float, float]] = deque(maxlen=_BLOCKS_KEPT)
+        self._waiting: deque[tuple[float, float, float]] = deque(maxlen=_BLOCKS_KEPT)
+        self.restart(0.0)
+
+    def restart(self, now: float) -> None:
+        """The amplifier was enabled: what was before does not count."""
+        self._last_command = now
+        self._owed.clear()
+        self._waiting.clear()
+        self._reading = math.nan
+        self._lowest, self._highest = math.inf, -math.inf
+
+    def age(self, now: float) -> float:
+        """How long ago the last command was put out [s]."""
+        return now - self._last_command
+
+    def put_out(self, applied: Applied, now: float) -> None:
+        """A command was put out."""
+        self._last_command = now
+        begin = float(applied.time[0])
+        if self._expects_sensor:
+            self._owed.append((begin, now))
+        self._waiting.append((begin, float(applied.voltage.min()), float(applied.voltage.max())))
+
+    def measured(self, first_time: float, displacement: Array) -> None:
+        """The sensor says a block of readings [m] that starts at `first_time` [s]."""
+        while self._owed and self._owed[0][0] <= first_time:
+            self._owed.popleft()
+        if not np.all(np.isfinite(displacement)):
+            self.amplifier.trip(machine.SENSOR_NOT_FINITE, "the sensor's reading is not a finite number")
+            return
+        if not np.all(displacement == self._reading):
+            self._reading = float(displacement[-1])
+            self._lowest, self._highest = math.inf, -math.inf
+            while self._waiting and self._waiting[0][0] < first_time:
+                self._waiting.popleft()
+            return
+        # the block measured now does not count yet: its voltage may have moved in the last sample
+        while self._waiting and self._waiting[0][0] < first_time:
+            _, low, high = self._waiting.popleft()
+            self._lowest, self._highest = min(self._lowest, low), max(self._highest, high)
+        moved, limit = self._highest - self._lowest, self.amplifier.limits.stuck_voltage
+        if moved > limit:
+            self.amplifier.trip(
+                machine.SENSOR_STUCK,
+                f"the sensor stays at {1e6 * self._reading:.4f} um while the voltage moved by {moved:.1f} V, "
+                f"limit {limit:.1f} V",
+            )
+
+    def estimated(self, innovation: Array) -> None:
+        """The observer says by how much a block of readings differs from what it expected [m]."""
+        difference, limit = float(np.median(np.abs(innovation))), self.amplifier.limits.discrepancy
+        if not difference <= limit:
+            self.amplifier.trip(
+                machine.DISCREPANCY,
+                f"sensor and observer differ by {1e6 * difference:.3f} um, limit {1e6 * limit:.3f} um",
+            )
+
+    def senders(self, count: int) -> None:
+        """So many publishers are on the topic of the commands."""
+        reason = f"{count} publishers on the topic of the commands, one is allowed" if count > 1 else ""
+        self.amplifier.present(machine.SENDERS, reason)
+
+    def look(self, now: float) -> None:
+        """Time has passed: who should have said something by now?"""
+        if self.amplifier.state != ENABLED:
+            return
+        limits = self.amplifier.limits
+        unmeasured = now - self._owed[0][1] if self._owed else 0.0
+        if unmeasured > limits.longest_unmeasured:
+            self.amplifier.trip(
+                machine.SENSOR_LOST, f"no measurement for {unmeasured:.2f} s, limit {limits.longest_unmeasured:.2f} s"
+            )
+        elif self.age(now) > limits.command_timeout:
+            self.amplifier.trip(
+                machine.SILENT, f"no command for {self.age(now):.2f} s, limit {limits.command_timeout:.2f} s"
+            )

@@ -1,0 +1,203 @@
+"""The safety machine on the wire: who stops is named, two senders are one too many, a fault latches until its reset."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from foreign_node import ForeignNode
+from graph_process import GraphProcess, alive, free_domain, wait_until
+from rclpy.qos import QoSProfile
+from scenarios import LONG_HOLD, write
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+from std_srvs.srv import SetBool, Trigger
+
+from pzt_ros.bags.reader import open_bag
+from pzt_ros.blocks import Block, fill_message
+from pzt_ros.hardware.guard import Limits
+
+RATE, SIZE = 20e3, 100
+LIMITS = Limits()
+
+
+def log_of(graph: GraphProcess, node: str) -> str:
+    path = graph.folder / "log" / f"{node}.log"
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+def reach_hold(graph: GraphProcess, foreign: ForeignNode) -> None:
+    """Until there are 100 V on the stack."""
+    foreign.listen("/stage/applied", Float64MultiArray)
+    applied = foreign.heard["/stage/applied"]
+    foreign.spin_until(lambda: bool(applied) and applied[-1].data[-3] > 99.0)
+
+
+def check_way_down(graph: GraphProcess) -> None:
+    """To 0 V at the safe rate, without a rise, within the declared time."""
+    applied = open_bag(graph.folder / "bag").blocks("/stage/applied")
+    voltage = applied["voltage_V"]
+    begin = int(np.flatnonzero(voltage > 99.0)[-1])
+    way = np.diff(voltage[begin:])
+    assert voltage[-1] == 0.0
+    assert way.max() <= 0.0
+    assert -way.min() <= LIMITS.safe_rate / RATE * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(("victim", "says"), [("sensor", "no measurement for"), ("controller", "no command for")])
+def test_a_node_that_hangs_is_named(tmp_path: Path, victim: str, says: str) -> None:
+    with GraphProcess(write(tmp_path, LONG_HOLD), tmp_path / "run", "--real-time") as graph:
+        with ForeignNode(graph.domain) as foreign:
+            reach_hold(graph, foreign)
+        processes, hanging = graph.nodes(), graph.node(victim)
+        hanging.suspend()
+        wait_until(lambda: "amplifier fault: " in log_of(graph, "amplifier"), "the amplifier is at 0 V with a fault")
+        hanging.resume()
+        code, said = graph.wait()
+    assert code == 1, said
+    assert says in log_of(graph, "amplifier")
+    assert says in said
+    assert alive(processes) == []
+    check_way_down(graph)
+
+
+def test_a_second_sender_of_commands_is_a_fault(tmp_path: Path) -> None:
+    with GraphProcess(write(tmp_path, LONG_HOLD), tmp_path / "run", "--real-time") as graph:
+        with ForeignNode(graph.domain) as foreign:
+            reach_hold(graph, foreign)
+            foreign.node.create_publisher(Float64MultiArray, "/stage/drive", QoSProfile(depth=10))
+            foreign.spin_until(lambda: graph.process.poll() is not None)
+        code, said = graph.wait()
+    assert code == 1, said
+    assert "2 publishers on the topic of the commands" in said
+    check_way_down(graph)
+
+
+class Amplifier:
+    """The amplifier node alone, commanded by a foreign node."""
+
+    def __init__(self, folder: Path, foreign: ForeignNode, domain: int) -> None:
+        self.foreign = foreign
+        self.log = folder / "amplifier.log"
+        self._stream = open(self.log, "wb")  # noqa: SIM115 - as long as the process
+        options = ["nodes:=amplifier", "limits.command_timeout:=60.0", "limits.sensor_timeout:=0.2"]
+        words = [word for option in options for word in ("-p", option)]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "pzt_nodes.amplifier_node", "--ros-args", *words],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stderr=self._stream,
+            start_new_session=True,
+        )
+        self._drive = foreign.node.create_publisher(Float64MultiArray, "/stage/drive", QoSProfile(depth=10))
+        foreign.listen("/stage/applied", Float64MultiArray)
+        foreign.listen("/diagnostics", DiagnosticArray)
+        self.applied = foreign.heard["/stage/applied"]
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(20.0)
+            finally:
+                self.process.kill()
+                self.process.wait()
+        self._stream.close()
+
+    def call(self, name: str, kind: Any, **request: Any) -> tuple[bool, str]:
+        client = self.foreign.node.create_client(kind, f"/stage/{name}")
+        self.foreign.spin_until(client.service_is_ready)
+        future = client.call_async(kind.Request(**request))
+        self.foreign.spin_until(future.done)
+        self.foreign.node.destroy_client(client)
+        return future.result().success, future.result().message
+
+    def enable(self) -> tuple[bool, str]:
+        return self.call("enable", SetBool, data=True)
+
+    def command(self, block: int, value: float) -> None:
+        """Send a block; an amplifier that takes it says what it applied."""
+        time = (block * SIZE + np.arange(SIZE)) / RATE
+        sent = Block.of({"time_s": time, "command_voltage_V": np.full(SIZE, value)})
+        self._drive.publish(fill_message(Float64MultiArray(), MultiArrayDimension, sent))
+
+    def state(self) -> dict[str, str]:
+        """What the amplifier said last of itself."""
+        messages = [s for m in self.foreign.heard["/diagnostics"] for s in m.status if s.name.endswith("amplifier")]
+        return {pair.key: pair.value for pair in messages[-1].values} if messages else {}
+
+
+@pytest.fixture
+def amplifier(tmp_path: Path) -> Iterator[Amplifier]:
+    domain = free_domain()
+    with ForeignNode(domain) as foreign:
+        running = Amplifier(tmp_path, foreign, domain)
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+def test_a_fault_latches_until_it_is_reset(amplifier: Amplifier) -> None:
+    spin = amplifier.foreign.spin_until
+    assert amplifier.enable() == (True, "amplifier enabled")
+    spin(lambda: len(amplifier.applied) == 1)
+    for block in range(1, 6):
+        amplifier.command(block, 50.0)
+        spin(lambda block=block: len(amplifier.applied) == block + 1)
+    assert amplifier.applied[-1].data[-3] == pytest.approx(50.0)
+    amplifier.command(6, float("nan"))
+    spin(lambda: amplifier.state().get("state") == "fault")
+    assert amplifier.applied[-1].data[-3] == 0.0
+    reason = "command voltage is not a finite number"
+    assert amplifier.state()["reason"] == reason
+    count = len(amplifier.applied)
+    assert amplifier.enable() == (False, f"cannot enable: fault ({reason}); reset first")
+    amplifier.command(count, 50.0)
+    assert amplifier.call("reset", Trigger) == (True, "fault cleared; the amplifier is disabled")
+    assert amplifier.call("reset", Trigger) == (False, "nothing to reset: the amplifier is disabled")
+    assert len(amplifier.applied) == count, "nothing was put out in the fault"
+    assert amplifier.enable() == (True, "amplifier enabled")
+    spin(lambda: len(amplifier.applied) == count + 1)
+    assert amplifier.call("discharge", Trigger)[0]
+    spin(lambda: amplifier.state().get("state") == "disabled")
+    amplifier.close()
+    said = amplifier.log.read_text(encoding="utf-8")
+    assert amplifier.process.returncode == 0, said
+    for line in ("amplifier enabled", f"amplifier ramping: {reason}", f"amplifier fault: {reason}"):
+        assert line in said
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("driver:=labjack",), "unknown amplifier driver 'labjack'; known are simulated, "),
+        (("driver:=gcs",), "set the parameter gcs.host"),
+        (("driver:=gcs", "gcs.host:=127.0.0.1", "gcs.port:=1.0"), "controller 127.0.0.1:1 cannot be reached"),
+        (("driver:=replay", "replay.record:=/none.csv"), "/none.csv: no such file"),
+        (("driver:=gcs", "gcs.host:=127.0.0.1", "gcs.timeout:=-1.0"), "gcs.timeout"),
+    ],
+)
+def test_a_driver_that_cannot_be_opened_is_one_line(tmp_path: Path, options: tuple[str, ...], says: str) -> None:
+    words = [word for option in options for word in ("-p", option)]
+    for node in ("amplifier", "sensor"):
+        done = subprocess.run(
+            [sys.executable, "-m", f"pzt_nodes.{node}_node", "--ros-args", *words],
+            env={**os.environ, "ROS_DOMAIN_ID": str(free_domain())},
+            capture_output=True,
+            text=True,
+            timeout=60.0,
+            check=False,
+        )
+        errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+        assert len(errors) == 1, done.stderr
+        assert says.replace("amplifier", node) in errors[0]
+        assert "Traceback" not in done.stderr
+        assert done.returncode == 2
