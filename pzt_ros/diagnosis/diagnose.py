@@ -87,7 +87,7 @@ def diagnose(
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         declared = fit_declared(chain or default_chain(runs), runs, progress)
-        branches = _branches(declared, asked, progress, pool)
+        branches = [_trusted(branch, asked) for branch in _branches(declared, asked, progress, pool)]
     chosen = _chosen(branches, asked)
     progress("predicting")
     report = _report(runs, len(train), branches, chosen, asked, command)
@@ -119,6 +119,19 @@ def _on_flexible(declared: Hypothesis, asked: Thresholds, progress: Progress, wo
     search = Search(asked.on_flexible(), progress=progress, workers=workers)
     steps = search.with_pair(search.run(flexible), flexible)
     return Branch("identified", flexible, tuple(steps))
+
+
+def _trusted(branch: Branch, asked: Thresholds) -> Branch:
+    """The branch without its names where too much is left beside them."""
+    left = branch.final.fit.ratio
+    if left <= asked.nameable:
+        return branch
+    but = f", but {left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
+    steps = [
+        dataclasses.replace(step, before=branch.base, accepted=(), tied=(), verdict=step.verdict + but)
+        for step in branch.steps
+    ]
+    return dataclasses.replace(branch, steps=tuple(steps))
 
 
 def _chosen(branches: Sequence[Branch], asked: Thresholds) -> Branch:

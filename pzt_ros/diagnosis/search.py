@@ -151,7 +151,8 @@ class Search:
 
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
-        candidates, refused = self._candidates(before, before)
+        further = self.thresholds.further_promise if before.effects else 0.0
+        candidates, refused = self._candidates(before, before, before.total - further * _excess(before))
         if self.origin and not before.effects and not any(self.at_floor(h) for h in (before, *_afters(candidates))):
             candidates = _best_of_each((*candidates, *self._candidates(before, self.origin)[0]))
         sound = [c for c in candidates if self._is_significant(c)]
@@ -186,8 +187,13 @@ class Search:
         """Whether nothing is left in any run that would have to be explained."""
         return max(hypothesis.ratios) <= self.thresholds.floor
 
-    def _candidates(self, before: Hypothesis, seen_from: Hypothesis) -> tuple[tuple[Candidate, ...], dict[str, str]]:
-        """Effects refitted beside what is in a hypothesis, from where another promises most; why the rest was not."""
+    def _candidates(
+        self, before: Hypothesis, seen_from: Hypothesis, most: float = math.inf
+    ) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+        """Effects refitted beside what is in a hypothesis, from where another promises most; why the rest was not.
+
+        Those that promise to leave more than `most` of the mean square are not refitted.
+        """
         self.progress(f"screening {len(self.effects)} effects" + _beside(before.effects))
         screen = Screen(seen_from)
         refused: dict[str, str] = {}
@@ -203,7 +209,7 @@ class Search:
         near = self.thresholds.refits + _MORE
         refined = [screen.refined(p) if self._is_worth(before, p) else p for p in prospects[:near]]
         prospects = sorted(refined + prospects[near:], key=_left)
-        worth = [p for p in prospects if self._is_worth(before, p)]
+        worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
         for prospect in prospects:
             if prospect not in worth[: self.thresholds.refits]:
                 refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
@@ -260,8 +266,9 @@ class Search:
     def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Two effects neither of which explains enough alone; empty where no two do."""
         best: tuple[Candidate, ...] = ()
+        most = before.total - self.thresholds.pair_promise * _excess(before)
         for first in sound[:2]:
-            following = [c for c in self._candidates(first.after, first.after)[0] if self._is_significant(c)]
+            following = [c for c in self._candidates(first.after, first.after, most)[0] if self._is_significant(c)]
             if following:
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:
@@ -316,5 +323,9 @@ def _beside(effects: Sequence[str]) -> str:
 
 
 def _promise(before: Hypothesis, prospect: Prospect) -> float:
-    excess = before.total - (2.0 if before.selection.samples else 1.0)
-    return max(before.total - prospect.total, 0.0) / max(excess, 1e-4)
+    return max(before.total - prospect.total, 0.0) / _excess(before)
+
+
+def _excess(before: Hypothesis) -> float:
+    """Of the mean squares over the noise."""
+    return max(before.total - (2.0 if before.selection.samples else 1.0), 1e-4)

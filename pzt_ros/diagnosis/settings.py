@@ -13,11 +13,15 @@ class Thresholds:
         fit_gain, selection_gain: n_eff ln(before/after) of the squares, on what is fitted and on what chooses.
         size: smallest rms that is looked for in a run, in units of the noise.
         promise: fall of the mean square, in units of the noise, that the screen has to promise before a refit.
+        further_promise: share of the excess that the screen has to promise of a second or further effect.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
         half_share: that one of two effects has to explain alone.
         pair_share: that two effects have to explain together where neither explains `share` alone.
+        pair_promise: the same as the screen has to promise it, which sees along a line only.
         floor: rms over noise up to which nothing is left to explain.
         whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
+        nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
+            base lacks something else, and an effect may only stand in for it.
         tie: share of the winner's gain from which another effect is as good.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         refits: candidates that are refitted at most.
@@ -30,12 +34,15 @@ class Thresholds:
     selection_gain: float = 10.0
     size: float = 0.1
     promise: float = 0.003
+    further_promise: float = 0.4
     share: float = 0.5
     half_share: float = 0.2
     pair_share: float = 0.8
+    pair_promise: float = 0.6
     floor: float = 1.05
     whole: float = 0.9
     near_floor: float = 1.15
+    nameable: float = 2.0
     tie: float = 0.93
     decisive: float = 25.0
     refits: int = 4
