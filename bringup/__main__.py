@@ -15,6 +15,7 @@ from pzt_bringup.plan import RATES, Plan, prepare
 from pzt_bringup.supervisor import Outcome, Supervisor
 from pzt_bringup.view import TerminalView
 from pzt_ros.errors import BenchError
+from pzt_ros.hardware.choose import Drivers, load_drivers
 from pzt_ros.scenario import load_scenario
 
 
@@ -28,11 +29,12 @@ def bring_up(
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
     domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",
+    drivers: Annotated[Path | None, typer.Option(help="YAML file of instruments; simulated ones by default")] = None,
     quiet: Annotated[bool, typer.Option(help="say nothing while running")] = False,
 ) -> None:
     """Start the node graph, run a scenario, record a bag, stop cleanly."""
     try:
-        outcome = run_graph(scenario, out, duration, composed, real_time, domain, namespace, quiet)
+        outcome = run_graph(scenario, out, duration, composed, real_time, domain, namespace, drivers, quiet)
     except BenchError as error:
         outcome = Outcome(error.exit_code, str(error))
     if outcome.exit_code:
@@ -50,19 +52,20 @@ def run_graph(
     real_time: bool,
     domain: int | None,
     namespace: str,
+    drivers: Path | None,
     quiet: bool,
 ) -> Outcome:
     """Bring the graph up and see it to its end.
 
     Raises:
-        BenchError: bad scenario, run folder or domain.
+        BenchError: bad scenario, run folder, drivers or domain.
     """
-    loaded = load_scenario(scenario)
+    loaded, chosen = load_scenario(scenario), load_drivers(drivers) if drivers else Drivers()
     if duration is not None and not duration > 0.0:
         raise BenchError(f"duration {duration} s is not positive; leave it out to run the whole scenario")
     lock = take_domain(domain)
     try:
-        plan = Plan(loaded, out.resolve(), composed, RATES[real_time], duration, lock.domain, namespace)
+        plan = Plan(loaded, out.resolve(), composed, RATES[real_time], duration, lock.domain, namespace, chosen)
         prepare(plan)
         with awake_processor() as awake, TerminalView(f"{loaded.name} in ROS domain {lock.domain}", quiet) as view:
             outcome = Supervisor(plan, view.show).run()

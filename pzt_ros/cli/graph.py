@@ -37,6 +37,7 @@ def run(
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
     domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",
+    drivers: Annotated[Path | None, typer.Option(help="YAML file of instruments; simulated ones by default")] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -44,7 +45,7 @@ def run(
 
     Example: pzt run scan --out runs/first
     """
-    options = {"--duration": duration, "--domain": domain, "--namespace": namespace}
+    options = {"--duration": duration, "--domain": domain, "--namespace": namespace, "--drivers": drivers}
     flags = {"--composed": composed, "--real-time": real_time}
     run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)
 

@@ -39,9 +39,18 @@ class DriverGraph(GraphProcess):
         self.domain = free_domain()
         chosen = scenario.with_name("drivers.yaml")
         chosen.write_text(drivers, encoding="utf-8")
-        script = Path(__file__).with_name("run_with_drivers.py")
+        command = [
+            sys.executable,
+            "-m",
+            "pzt_bringup",
+            str(scenario),
+            "--out",
+            str(folder),
+            "--domain",
+            str(self.domain),
+        ]
         self.process = subprocess.Popen(
-            [sys.executable, str(script), str(scenario), str(chosen), str(folder), str(self.domain)],
+            [*command, "--drivers", str(chosen)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
