@@ -149,8 +149,9 @@ def _report(
     asked: Thresholds,
     command: str,
 ) -> Report:
-    baseline = model_of(_last_fit(chosen.base, chosen), "baseline", command)
-    model = model_of(_last_fit(chosen.final, chosen), "model", command)
+    base = _last_fit(chosen.base, chosen)
+    final = base if chosen.final is chosen.base else _last_fit(chosen.final, chosen)
+    baseline, model = model_of(base, "baseline", command), model_of(final, "model", command)
     before, after = errors_of(baseline, runs), errors_of(model, runs)
     tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor

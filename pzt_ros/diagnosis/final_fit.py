@@ -14,7 +14,7 @@ import numpy as np
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 
-_STEPS = 12
+_STEPS = 6
 
 
 def fitted_to_all(found: Hypothesis) -> Hypothesis:
