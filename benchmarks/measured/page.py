@@ -15,6 +15,7 @@ from pzt_benchmarks.measured.ties import Trial
 from pzt_benchmarks.report import Provenance
 from pzt_benchmarks.table import MET, NOT_MET, markdown_rows
 from pzt_ros.diagnosis.data import SCORE
+from pzt_ros.diagnosis.report import Report
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.result import SETTLE_TIME
 
@@ -22,8 +23,8 @@ Ties = Sequence[tuple[Trial, Row, Array]]
 
 _INTRODUCTION = """Runs of real actuators, measured by others; the files are in no copy of this project. All of the
 train runs is fitted. The first half of the test run chooses how fine and smooth the density is and of which order the
-strain law, and says where the zero is and, where the test run is another record, what was before it. Its second half
-scores. Floor: noise of the displacement from third differences of neighbouring samples, or from holds where that is
+strain law. When that is chosen, it is fitted with the train runs, and says where the zero is and what was before the
+test run. Its second half scores. Floor: noise of the displacement from third differences of neighbouring samples, or from holds where that is
 much larger. Span: of the displacement over the whole test run. "Looks" says how often errors on the score part were
 seen while this was made; what was changed after a look is said with it."""
 
@@ -64,7 +65,7 @@ def _section(judged: Judged, ties: Ties, ring: tuple[Array, Array]) -> list[str]
         picture(which.key, f"{which.title}: residual"),
         "\n".join(markdown_rows(HEADS, [row.cells() for row in judged.rows])),
         f"**`pzt diagnose` says** ({judged.seconds:.0f} s): {report.verdict}",
-        f"It goes by the rule of `pzt predict`, start and zero of the test run from its first second: error on the"
+        f"Start and zero of the test run are {_start_of(report)}: error on the"
         f" score part {1e9 * report.before.score:.4g} nm before, {1e9 * report.after.score:.4g} nm after"
         f"{_reaches_in(judged)} Next: {report.next_experiment}",
         *report.remarks,
@@ -76,8 +77,21 @@ def _section(judged: Judged, ties: Ties, ring: tuple[Array, Array]) -> list[str]
     return [*blocks, f"What it means. {words.MEANING[which.key]}", f"Looks at the score part: {words.LOOKS[which.key]}"]
 
 
+def _start_of(report: Report) -> str:
+    """Where the prediction of the test run begins."""
+    if _is_fitted_last(report):
+        return "those of the last fit, which saw its first half"
+    return "from its first second, as in `pzt predict` of a run that no fit saw"
+
+
+def _is_fitted_last(report: Report) -> bool:
+    return bool(report.base["density"] == "identified")
+
+
 def _reaches_in(judged: Judged) -> str:
     """Where that second is longer than the part that chooses."""
+    if _is_fitted_last(judged.report):
+        return "."
     time = judged.test.record.time
     if float(time[judged.test.picks[SCORE][0]] - time[0]) >= SETTLE_TIME:
         return "."
