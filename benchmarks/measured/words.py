@@ -7,17 +7,19 @@ the table of effects. Then fifteen, of a last fit to both halves at three resolu
 lag (0.23 to 0.44 % of the span); what was kept is the rule that looks at none of them: what was chosen before, once
 more. This table is the last. So 0.30 % is not as clean as a first look would be.""",
     "afm": """two in this form: 0.223 %, then 0.236 % with the record in one piece, which is how it was taken; nothing
-was changed for it; then 0.223 % with the last fit. One in the session before, when the choice of the prior could still see the score part.""",
+was changed for it; then 0.223 % with the last fit. One in the session before, when the choice of the prior could
+still see the score part.""",
     "bender": """two in this form: 0.130 % with train and test as two records, whose start half a cycle cannot tell,
-then 0.070 % with the record in one piece, as it is, and 0.067 % with the last fit. One in the session before, as above.""",
+then 0.070 % with the record in one piece, as it is, and 0.067 % with the last fit. One in the session
+before, as above.""",
     "onset": "two: 0.357 % by the flexible base inside the diagnosis, then this table; nothing was changed for it.",
 }
 
 MEANING = {
     "picma": """The identified density follows full and decaying cycles. Fitted to the full cycles alone it left 0.44 %
 of the span, nearly all of it a constant in the hold at the end: the place where the decay ends was off. Fitted to the
-first decaying cycles, too, it is within 0.30 %. In the table of effects below the base has not seen those. A delay of one to
-two samples (the authors note one) and a relaxation of 10 to 20 ms behind the base gain about as much where they were
+first decaying cycles, too, it is within 0.30 %. In the table of effects below the base has not seen those. A delay of
+one to two samples (the authors note one) and a relaxation of 10 to 20 ms behind the base gain about as much where they were
 not fitted, a curve of the sensor less. **Not identifiable from these runs: lag or fast relaxation; a curve of the
 sensor is not ruled out.** All runs are at 1 Hz, and there the first two are the same to the data, as is a longer
 relaxation time in the base, which is why `pzt diagnose` finds nothing to name. What would decide: the same amplitude
