@@ -25,8 +25,8 @@ _INTRODUCTION = """Runs of real actuators, measured by others; the files are in 
 train runs is fitted. The first half of the test run chooses how fine and smooth the density is and of which order the
 strain law. When that is chosen, it is fitted with the train runs, and says where the zero is and what was before the
 test run. Its second half scores. Floor: noise of the displacement from third differences of neighbouring samples, or
-from holds where that is much larger. Span: of the displacement over the whole test run. "Looks" says how often errors on the score part were
-seen while this was made; what was changed after a look is said with it."""
+from holds where that is much larger. Span: of the displacement over the whole test run. "Looks" says how often errors
+on the score part were seen while this was made; what was changed after a look is said with it."""
 
 
 def page(
