@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from pzt_ros.cli import bag, bench, demo, diagnose, figures, graph, model
+from pzt_ros.cli import bag, bench, demo, diagnose, figures, graph, model, optimal
 from pzt_ros.errors import BenchError
 
 
@@ -24,6 +24,7 @@ def build() -> typer.Typer:
     graph.add_to(app)
     demo.add_to(app)
     model.add_to(app)
+    optimal.add_to(app)
     diagnose.add_to(app)
     bag.add_to(app)
     figures.add_to(app)

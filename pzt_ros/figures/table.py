@@ -9,6 +9,7 @@ from pzt_ros.figures import (
     fits,
     full_loops,
     minor_loops,
+    optimal_cases,
     optimal_control,
     parametrized,
     polycrystal,
@@ -52,5 +53,9 @@ FIGURES: tuple[Fig, ...] = (
     Fig("3.30", "Relaxation: parametrized model", "The same drives. The dependence on rate is there, but the drop takes place almost immediately at the beginning of the hold, as in a perfect crystal with one barrier.", relaxation.parametrized),
     Fig("3.31", "Relaxation: quadrature model", "The same drives, V_D and τ. The values are not directly comparable with the experiment, but the relaxation is gradual as there, and ends at one level.", relaxation.quadrature),
     Fig("4.1", "The model of chapter 4 at two frequencies", "The simplified model for optimal control at 0.125 and 125 Hz: coercive fields only, no history. Note the dramatic effect of the frequency on the shape of outer and inner loops.", optimal_control.two_frequencies),
+    Fig("4.2", "Optimal control, case 1: over time", "The field starts with a sharp increase, goes on about ten times slower to a peak of 3.3 MV/m, where the polarization has almost reached the set point, and then decreases asymptotically to about 1.9 MV/m, while domains go on switching.", optimal_cases.case_1_over_time),
+    Fig("4.3", "Optimal control, case 1: polarization over field", "The actuator first follows the widest loop, then one of a lower frequency, and finally relaxes to a point on the quasistatic outer loop (0.125 Hz).", optimal_cases.case_1_over_loops),
+    Fig("4.4", "Optimal control, case 2: over time", "Set points of 0.1, 0.2 and again 0.1 C/m²: a positive field for the first, a negative one for the last, because of the history; the largest field is almost that of case 1.", optimal_cases.case_2_over_time),
+    Fig("4.5", "Optimal control, case 2: polarization over field", "In following the three set points the actuator first follows a loop of a higher frequency, but always comes back to a point on a loop of low frequency.", optimal_cases.case_2_over_loops),
 )  # fmt: skip
 """In the order of the thesis."""

@@ -1,0 +1,138 @@
+"""The receding-horizon controller: the inverse where no limit holds, the limits where they do."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pzt_ros.chains import load_chain
+from pzt_ros.controllers.controller import Controller, Feedback
+from pzt_ros.controllers.inverse_pi import InversePI
+from pzt_ros.controllers.receding_horizon import RecedingHorizon
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.link import ACTUATOR
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.reference import block_times
+
+RATE, SIZE, AREA = 20e3, 50, 2e-3
+
+
+class Loop:
+    """A controller on a stage that is its model, block by block, with no other limits between."""
+
+    def __init__(self, controller: Controller, chain: str = "thesis-p2") -> None:
+        self.controller = controller
+        self.model: Chain = load_chain(chain).section(ACTUATOR)
+        self.state = self.model.init(Rest())
+        self.block = 0
+        self.voltages: list[Array] = []
+        self.polarizations: list[Array] = []
+        self.feedback = self._apply(np.zeros(SIZE), None)
+        poling = [np.linspace(0, 150, 8 * SIZE), np.linspace(150, 30, 8 * SIZE), np.full(4 * SIZE, 30.0)]
+        for part in np.concatenate(poling).reshape(-1, SIZE):
+            self.feedback = self._apply(part, None)
+        self.begun = len(self.voltages)
+        self.held = controller.init(self.model, self.feedback)
+
+    def _apply(self, voltage: Array, reference: Array | None) -> Feedback:
+        time = block_times(self.block, SIZE, RATE)
+        self.state, out = self.model.step(self.state, Signals(time, voltage))
+        self.block += 1
+        self.voltages.append(voltage)
+        self.polarizations.append(out.polarization)
+        y = out.displacement
+        return Feedback(time, voltage, y, y, reference, self.state, y)
+
+    def run(self, moves: Array) -> Array:
+        """Follow displacements [m] relative to where it stands; returns the error [m]."""
+        begin = float(self.feedback.measurement[-1])
+        errors = []
+        for part in begin + moves.reshape(-1, SIZE):
+            time = block_times(self.block, SIZE, RATE)
+            self.held, voltage = self.controller.step(self.model, self.held, time, part, self.feedback)
+            self.feedback = self._apply(voltage, part)
+            errors.append(part - self.feedback.measurement)
+        return np.concatenate(errors)
+
+    @property
+    def voltage(self) -> Array:
+        """Since the controller took over, and one sample before [V]."""
+        return np.concatenate([self.voltages[self.begun - 1][-1:], *self.voltages[self.begun :]])
+
+    @property
+    def current(self) -> Array:
+        """Mean current of every sample since then [A]."""
+        return (
+            AREA
+            * RATE
+            * np.diff(np.concatenate([self.polarizations[self.begun - 1][-1:], *self.polarizations[self.begun :]]))
+        )
+
+
+STEP = np.concatenate([np.zeros(SIZE), np.full(6 * SIZE, 5e-6), np.full(6 * SIZE, -1e-6)])
+
+
+def test_without_an_active_limit_it_is_the_inverse() -> None:
+    time = np.arange(20 * SIZE) / RATE
+    moves = 2e-6 * (1.0 - np.cos(2 * np.pi * 50 * time))
+    ours, theirs = Loop(RecedingHorizon()), Loop(InversePI())
+    ours.run(moves)
+    theirs.run(moves)
+    np.testing.assert_array_equal(ours.voltage, theirs.voltage)
+
+
+def test_the_current_limit_is_kept_where_the_inverse_leaves_it() -> None:
+    ours, theirs = Loop(RecedingHorizon()), Loop(InversePI())
+    error, _ = ours.run(STEP), theirs.run(STEP)
+    assert np.max(np.abs(theirs.current)) > 0.25, "or this tests nothing"
+    assert np.max(np.abs(ours.current)) < 0.2 * 1.01
+    assert np.max(np.abs(error[6 * SIZE : 7 * SIZE])) < 0.1e-6
+    assert np.max(np.abs(error[-SIZE:])) < 0.1e-6
+
+
+@pytest.mark.parametrize("slew", [2e4, 2e5])
+def test_with_a_slew_limit_the_plan_is_better_than_the_inverse_held_in_it(slew: float) -> None:
+    class Held(RecedingHorizon):
+        """Never plans."""
+
+        def _is_free(self, *_: object) -> bool:
+            return True
+
+    free = {"current": 10.0, "slew_rate": slew}
+    planned, held = (Loop(cls(**free)) for cls in (RecedingHorizon, Held))
+    errors = [float(np.sum(loop.run(STEP) ** 2)) for loop in (planned, held)]
+    assert errors[0] <= errors[1]
+    assert np.max(np.abs(np.diff(planned.voltage))) <= slew / RATE * (1 + 1e-9)
+
+
+def test_nothing_that_is_asked_leaves_the_limits() -> None:
+    rng = np.random.default_rng(4)
+    controller = RecedingHorizon(voltage_max=120.0, voltage_min=-20.0, slew_rate=1e5)
+    loop = Loop(controller)
+    for _ in range(12):
+        kind = rng.integers(4)
+        moves = rng.uniform(-20e-6, 20e-6) * np.ones(2 * SIZE)
+        if kind == 1:
+            moves = 10e-6 * rng.normal(size=2 * SIZE)
+        elif kind == 2:
+            moves[rng.integers(2 * SIZE)] = rng.choice([np.nan, np.inf, 1e300])
+        elif kind == 3:
+            moves = np.linspace(0.0, rng.uniform(-15e-6, 15e-6), 2 * SIZE)
+        with np.errstate(all="ignore"):
+            loop.run(moves)
+        loop.controller = dataclasses.replace(controller, integral_gain=float(10 ** rng.uniform(0, 3)))
+    voltage = loop.voltage
+    assert np.all(np.isfinite(voltage))
+    assert np.max(voltage) <= 120.0 + 1e-9
+    assert np.min(voltage) >= -20.0 - 1e-9
+    assert np.max(np.abs(np.diff(voltage))) <= 1e5 / RATE * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("chain", ["thesis-q1", "thesis-p3"])
+def test_every_ceramic_is_served(chain: str) -> None:
+    loop = Loop(RecedingHorizon(slew_rate=3e4), chain)
+    error = loop.run(np.concatenate([np.zeros(SIZE), np.full(6 * SIZE, 1.5e-6)]))
+    assert np.max(np.abs(np.diff(loop.voltage))) <= 3e4 / RATE * (1 + 1e-9)
+    assert np.max(np.abs(error[-SIZE:])) < 0.1e-6
