@@ -24,7 +24,7 @@ def over_time(solution: Solution) -> Figure:
     (fraction, polarization), (cost, field) = figure.subplots(2, 2, sharex=True)
     time = _MS * found.time
     curve(fraction, time, found.phase_fraction, INK)
-    fraction.set(ylabel="phase fraction x₊", title=f"ends at {found.phase_fraction[-1]:.3f}")
+    fraction.set(ylabel="phase fraction x₊ [-]", title=f"ends at {found.phase_fraction[-1]:.3f}")
     asked = problem.set_point_at(found.time)
     curve(polarization, time, found.polarization, SLOW, "optimal", linewidth=2.6)
     curve(polarization, time, asked, FAST, "set-point", linestyle=DASHED)
