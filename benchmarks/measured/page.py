@@ -15,7 +15,6 @@ from pzt_benchmarks.measured.ties import Trial
 from pzt_benchmarks.report import Provenance
 from pzt_benchmarks.table import MET, NOT_MET, markdown_rows
 from pzt_ros.diagnosis.data import SCORE
-from pzt_ros.diagnosis.report import Report
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.result import SETTLE_TIME
 
@@ -65,7 +64,8 @@ def _section(judged: Judged, ties: Ties, ring: tuple[Array, Array]) -> list[str]
         picture(which.key, f"{which.title}: residual"),
         "\n".join(markdown_rows(HEADS, [row.cells() for row in judged.rows])),
         f"**`pzt diagnose` says** ({judged.seconds:.0f} s): {report.verdict}",
-        f"Start and zero of the test run are {_start_of(report)}: error on the"
+        f"It goes by the rule of `pzt predict`, start and zero of the test run from its first second, or from the last"
+        f" fit where that second holds next to nothing: error on the"
         f" score part {1e9 * report.before.score:.4g} nm before, {1e9 * report.after.score:.4g} nm after"
         f"{_reaches_in(judged)} Next: {report.next_experiment}",
         *report.remarks,
@@ -77,21 +77,8 @@ def _section(judged: Judged, ties: Ties, ring: tuple[Array, Array]) -> list[str]
     return [*blocks, f"What it means. {words.MEANING[which.key]}", f"Looks at the score part: {words.LOOKS[which.key]}"]
 
 
-def _start_of(report: Report) -> str:
-    """Where the prediction of the test run begins."""
-    if _is_fitted_last(report):
-        return "those of the last fit, which saw its first half"
-    return "from its first second, as in `pzt predict` of a run that no fit saw"
-
-
-def _is_fitted_last(report: Report) -> bool:
-    return bool(report.base["density"] == "identified")
-
-
 def _reaches_in(judged: Judged) -> str:
     """Where that second is longer than the part that chooses."""
-    if _is_fitted_last(judged.report):
-        return "."
     time = judged.test.record.time
     if float(time[judged.test.picks[SCORE][0]] - time[0]) >= SETTLE_TIME:
         return "."

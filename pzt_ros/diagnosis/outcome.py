@@ -19,6 +19,7 @@ from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import rms
 
 _NORMAL_95 = 1.96
+_FEWEST_TO_SETTLE = 20  # samples
 _MODEL_ERROR = 2e-5  # of the span: as near do two models of one ceramic come to each other (court, seeds 912 and 913)
 
 
@@ -50,8 +51,9 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     own = staged.ceramic.start.size
     starts = [staged.ceramic.start_of(vector[:own], number) for number in range(len(staged.runs))]
     entries = []
-    outputs = staged.outputs(vector, staged.fitted)
-    for number, (displacement, _) in zip(staged.fitted, outputs, strict=True):
+    known = [number for number in staged.fitted if not _settles(staged.runs[number])]
+    outputs = staged.outputs(vector, known)
+    for number, (displacement, _) in zip(known, outputs, strict=True):
         run = staged.runs[number]
         picks = run.picks[FIT]
         values = {
@@ -76,6 +78,15 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     notes = {"description": f"{name}, fitted by pzt diagnose", "start": {"runs": entries, "other": other}}
     notes["fit"] = {"command": command, "parameters": estimates(hypothesis)}
     return replace(chain, name=f"{staged.chain.name}-{name}", notes=notes)
+
+
+def _settles(run: RunData) -> bool:
+    """Whether start and zero of a run are left to its first second, as of any run that a model has not seen.
+
+    So they are in all runs that score, unless that second holds next to nothing.
+    """
+    time = run.record.time
+    return SCORE in run.picks and int(np.searchsorted(time, time[0] + SETTLE_TIME)) >= _FEWEST_TO_SETTLE
 
 
 def estimates(hypothesis: Hypothesis) -> dict[str, dict[str, Any]]:
