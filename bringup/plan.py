@@ -107,7 +107,11 @@ def node_parameters(plan: Plan) -> dict[str, Any]:
         "plant": {"chain": s.plant, "rate": plan.rate},
         "sensor": {"chain": s.plant, **as_parameters(plan.drivers.sensor)},
         "observer": {"model": s.model, "observer": s.observer.kind, s.observer.kind: _values(s.observer)},
-        "controller": {"model": s.model, **{name: _values(c) for name, c in s.controllers.items() if _values(c)}},
+        "controller": {
+            "model": s.model,
+            "limits": _values(s.bounds),
+            **{name: _values(c) for name, c in s.controllers.items() if _values(c)},
+        },
         "experiment": {"scenario": str(s.source), "duration": float(plan.duration or 0.0)},
     }
     prefix = plan.namespace.rstrip("/")

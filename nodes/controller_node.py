@@ -11,6 +11,7 @@ from pzt_nodes.messages import float_message
 from pzt_nodes.parameters import changed, declare_all, on_change
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
+from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Feedback
 from pzt_ros.controllers.loop import ControlLoop
 from pzt_ros.controllers.table import CONTROLLERS
@@ -26,7 +27,8 @@ class ControllerNode(GraphNode):
         described = ParameterDescriptor(description=f"controller in charge: one of {', '.join(CONTROLLERS)}")
         active = str(self.declare_parameter("controller", "open_loop", described).value)
         controllers = {name: declare_all(self, name, cls()) for name, cls in CONTROLLERS.items()}
-        self.loop = ControlLoop(model, controllers, self.rest, active, self.timing.handover_time)
+        bounds = declare_all(self, "limits", Bounds(), read_only=True)
+        self.loop = ControlLoop(model, controllers, self.rest, active, self.timing.handover_time, bounds)
         self.loop.warm_up()
         self._join = Join(("reference", "applied", "measurement", "estimate"), self._on_tick)
         self._asked: Reference | None = None

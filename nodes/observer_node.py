@@ -42,6 +42,11 @@ class ObserverNode(GraphNode):
         self._state, e = self.observer.correct(self._state, parts["predicted"], parts["measurement"]["displacement_m"])
         self.publish("estimate", e.time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
 
+    def health(self) -> tuple[str, str, dict[str, object]]:
+        """What the observer has to say of its readings."""
+        level, text, values = super().health()
+        return level, text, {**values, **self.observer.health(self._state)}
+
     def _on_parameters(self, parameters: list[Parameter]) -> str:
         self.observer = changed(self.observer, self.observer.kind, parameters)
         return ""

@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.controllers.controller import Feedback
+from pzt_ros.controllers.feasible import Forecast, forecast, require
 from pzt_ros.controllers.loop import ControlLoop
 from pzt_ros.errors import RunFailedError
 from pzt_ros.experiments.experiment import Experiment
@@ -18,8 +21,8 @@ from pzt_ros.hardware.amplifier import Applied, SimulatedAmplifier
 from pzt_ros.hardware.guard import GuardedAmplifier
 from pzt_ros.hardware.stage import SimulatedSensor, SimulatedStage, Truth
 from pzt_ros.observers.observer import Estimate
-from pzt_ros.physics.signals import Array, Rest
-from pzt_ros.reference import Reference
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.reference import VOLTAGE, Reference
 from pzt_ros.scenario import Scenario
 
 
@@ -49,7 +52,13 @@ class InProcessLoop:
         self.model = model
         self.observer = scenario.observer
         self._observer_state = self.observer.init(model, rest)
-        self.control = ControlLoop(model, scenario.controllers, rest, handover_time=scenario.timing.handover_time)
+        self.control = ControlLoop(
+            model,
+            scenario.controllers,
+            rest,
+            handover_time=scenario.timing.handover_time,
+            bounds=scenario.bounds,
+        )
         self.experiment: Experiment = scenario.experiment()
 
     def start(self) -> Tick:
@@ -88,6 +97,45 @@ class InProcessLoop:
             self.model, self._observer_state, applied.time, applied.voltage, measurement
         )
         return Tick(reference, command, applied, truth, measurement, estimate)
+
+
+def foresee(scenario: Scenario) -> list[Forecast]:
+    """What the model makes of each displacement phase of a scenario, within the limits of the amplifier.
+
+    Raises:
+        BenchError: a reference that is not finite.
+    """
+    model, rest = load_model(scenario.model).behind_amplifier, Rest(seed=scenario.seed)
+    state, experiment, block, found = model.init(rest), scenario.experiment(), 1, []
+    time, displacement, voltage = 0.0, 0.0, rest.voltage
+    while (phase := experiment.phase) is not None:
+        parts = []
+        while experiment.phase is phase:
+            parts.append(experiment.step(block, displacement, voltage))
+            block += 1
+        times = np.concatenate([part.time for part in parts if part])
+        values = np.concatenate([part.values for part in parts if part])
+        if phase.quantity == VOLTAGE:
+            state, out = model.step(state, Signals(times, values))
+            displacement, voltage = float(out.displacement[-1]), float(values[-1])
+        else:
+            asked = Signals(times, displacement=values)
+            limits = scenario.limits.current
+            found.append(forecast(model, state, asked, scenario.bounds, last=(time, voltage), current=limits))
+            state = found[-1].state
+            displacement, voltage = float(found[-1].displacement[-1]), float(found[-1].voltage[-1])
+        time = float(times[-1])
+    return found
+
+
+def refuse_what_cannot_be(scenario: Scenario) -> None:
+    """Refuse a scenario that asks for more stroke, slew or current than there is, before anything moves.
+
+    Raises:
+        BenchError: with the phase's reason, the error to be expected, and what to do.
+    """
+    for found in foresee(scenario):
+        require(found)
 
 
 def run_in_process(scenario: Scenario, watch: Callable[[Tick], None]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pzt_ros.chains import load_chain, read_yaml, shipped
+from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Controller
 from pzt_ros.controllers.table import CONTROLLERS
 from pzt_ros.errors import BenchError
@@ -70,6 +71,11 @@ class Scenario:
     def seed(self) -> int:
         """Of every random number in the simulation."""
         return int(self.timing.seed)
+
+    @property
+    def bounds(self) -> Bounds:
+        """Of what a controller may ask: the amplifier's own limits."""
+        return Bounds(**{name: getattr(self.limits, name) for name in parameters_of(Bounds)})
 
     def experiment(self) -> Experiment:
         """A conductor at the beginning of this scenario."""

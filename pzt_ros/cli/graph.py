@@ -43,8 +43,14 @@ def run(
 ) -> None:
     """Start the node graph, run a scenario, record a bag, stop cleanly, write the run's report.
 
+    A scenario that asks for more stroke, slew or current than its model has is refused before anything moves.
+
     Example: pzt run scan --out runs/first
     """
+    from pzt_ros.loop import refuse_what_cannot_be
+    from pzt_ros.scenario import load_scenario
+
+    refuse_what_cannot_be(load_scenario(scenario))
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace, "--drivers": drivers}
     flags = {"--composed": composed, "--real-time": real_time}
     run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)

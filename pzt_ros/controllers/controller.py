@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 
 from pzt_ros.physics.chain import Chain, ChainState
-from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.physics.signals import ABSENT, Array, Signals
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,11 @@ class Feedback:
         measurement: displacement [m, shape (n,)].
         estimate: displacement as the observer has it [m, shape (n,)].
         reference: displacement that was asked of it [m, shape (n,)]; None if it was driven by voltage.
-        model: state of the model chain at the end of that block. The control loop fills in these last two.
+        model: state of the model chain at the end of that block.
+        predicted: displacement as the model has it by itself [m, shape (n,)]; empty where nobody ran it.
+        cut: what the bounds took from the last voltage that was asked for [V]; positive if that was too high.
+
+    The control loop fills in the last four.
     """
 
     time: Array
@@ -31,6 +36,8 @@ class Feedback:
     estimate: Array
     reference: Array | None = None
     model: ChainState = ()
+    predicted: Array = field(default_factory=lambda: ABSENT)
+    cut: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +63,10 @@ def model_offset(model: Chain, feedback: Feedback) -> float:
     With this added to its reference, an inverse begins at the voltage found.
     """
     _, now = model.step(feedback.model, Signals(feedback.time[-1:], feedback.voltage[-1:]))
-    asked = feedback.measurement.mean() if feedback.reference is None else feedback.reference[-1]
+    measured = feedback.measurement[np.isfinite(feedback.measurement)]
+    asked = measured.mean() if measured.size else now.displacement[-1]
+    if feedback.reference is not None and math.isfinite(feedback.reference[-1]):
+        asked = feedback.reference[-1]
     return float(now.displacement[-1] - asked)
 
 
@@ -66,7 +76,11 @@ def fade(amount: float, since: Array, duration: float) -> Array:
 
 
 def tracking_error(feedback: Feedback) -> Array:
-    """Reference minus measurement over the block just measured [m, shape (n,)]; zero where nothing was asked."""
+    """Reference minus measurement over the block just measured [m, shape (n,)].
+
+    It is zero where nothing was asked, and where nothing was measured (a sample that is no finite number).
+    """
     if feedback.reference is None:
-        return feedback.measurement * 0.0
-    return feedback.reference - feedback.measurement
+        return np.zeros_like(feedback.measurement)
+    error = feedback.reference - feedback.measurement
+    return error if math.isfinite(error.sum()) else np.where(np.isfinite(error), error, 0.0)

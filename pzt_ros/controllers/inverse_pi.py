@@ -33,7 +33,8 @@ class InversePI(Controller):
     ) -> tuple[float, Array]:
         """Drive voltage [V]."""
         error = tracking_error(feedback)
+        step = self.integral_gain * sample_period(time, feedback.time[-1])
         integral, correction = proportional_integral(
-            error, state, self.proportional_gain, self.integral_gain * sample_period(time), self.integral_limit
+            error, state, self.proportional_gain, step, self.integral_limit, feedback.cut
         )
         return integral, inverse_voltage(model, time, reference + correction, feedback)

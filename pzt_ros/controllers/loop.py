@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Controller, Feedback, fade
 from pzt_ros.errors import BenchError
+from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import AMPLIFIER
-from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
+from pzt_ros.physics.signals import ABSENT, REHEARSAL, Array, Rest, Signals
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 
 
@@ -23,7 +25,9 @@ class ControlLoop:
     The model's state follows the voltage that was really applied, whoever is in charge, so that a model-based
     controller can take over at any time. `active` names the controller in charge of displacement references. A
     reference of voltage goes straight through. When the source of the voltage changes, what would be a jump is added
-    to the new one and fades out over `handover_time`, unless a controller itself begins at the voltage found.
+    to the new one and fades out over `handover_time`, unless a controller itself begins at the voltage found. What
+    controllers ask for is kept within `bounds`, and within them it is always a number; `limited` counts the samples
+    where that made a difference.
     """
 
     def __init__(
@@ -33,13 +37,20 @@ class ControlLoop:
         rest: Rest,
         active: str = "open_loop",
         handover_time: float = 0.05,
+        bounds: Bounds | None = None,
     ) -> None:
         self.controllers = dict(controllers)
         self.handover_time = handover_time
         self._model = model.behind_amplifier
         self._amplifier = model.section(AMPLIFIER)
         self._amplifier_state = self._amplifier.init(rest)
+        self._gain = math.prod(link.gain for link in self._amplifier.links if isinstance(link, Amplifier))
+        self._bounds = bounds or Bounds()
+        self._command: float | None = None
+        self._cut = 0.0
+        self.limited = 0
         self._model_state = self._model.init(rest)
+        self._predicted = ABSENT
         self._followed = -math.inf
         self._source = VOLTAGE
         self._last: Reference | None = None
@@ -52,7 +63,9 @@ class ControlLoop:
         """Compile now what the first block of each controller would have to wait for; no state is changed."""
         zeros = np.zeros_like(REHEARSAL)
         _, at_rest = self._model.step(self._model_state, Signals(REHEARSAL, zeros))
-        feedback = Feedback(REHEARSAL, zeros, at_rest.displacement, at_rest.displacement, zeros, self._model_state)
+        y = at_rest.displacement
+        feedback = Feedback(REHEARSAL, zeros, y, y, zeros, self._model_state, y)
+        self._bounds.keep(zeros, 0.0, REHEARSAL, 0.0)
         for controller in self.controllers.values():
             state = controller.init(self._model, feedback)
             controller.step(self._model, state, REHEARSAL, at_rest.displacement, feedback)
@@ -77,7 +90,8 @@ class ControlLoop:
         `step` sees to it; who has the block earlier may save the time.
         """
         if time[-1] > self._followed:
-            self._model_state, _ = self._model.step(self._model_state, Signals(time, voltage))
+            self._model_state, signals = self._model.step(self._model_state, Signals(time, voltage))
+            self._predicted = signals.displacement
             self._followed = float(time[-1])
 
     def step(self, reference: Reference, feedback: Feedback) -> Array:
@@ -89,11 +103,27 @@ class ControlLoop:
         """
         self.follow(feedback.time, feedback.voltage)
         asked = self._last.values if self._last is not None and self._last.quantity == DISPLACEMENT else None
-        feedback = dataclasses.replace(feedback, reference=asked, model=self._model_state)
+        feedback = dataclasses.replace(
+            feedback, reference=asked, model=self._model_state, predicted=self._predicted, cut=self._cut
+        )
         self._last = reference
         drive = self._drive(reference, feedback)
-        self._amplifier_state, command = self._amplifier.invert(self._amplifier_state, Signals(reference.time, drive))
-        return command.voltage
+        self._amplifier_state, wanted = self._amplifier.invert(self._amplifier_state, Signals(reference.time, drive))
+        command = wanted.voltage
+        if reference.quantity == DISPLACEMENT:
+            command = self._bounded(command, reference.time, feedback)
+        self._command = float(command[-1])
+        return command
+
+    def _bounded(self, wanted: Array, time: Array, feedback: Feedback) -> Array:
+        """The command [V] within the bounds, which are those of the stack; what they took is kept for the next step."""
+        across = self._gain * wanted
+        last = float(feedback.voltage[-1]) if self._command is None else self._gain * self._command
+        kept = self._bounds.keep(across, last, time, float(feedback.time[-1]))
+        cut = float(across[-1] - kept[-1])
+        self._cut = cut if math.isfinite(cut) else 0.0
+        self.limited += int(np.count_nonzero(kept != across))
+        return wanted if np.array_equal(kept, across) else kept / self._gain
 
     def _drive(self, reference: Reference, feedback: Feedback) -> Array:
         """The voltage across the ceramic [V], with what is left of a hand-over."""
@@ -104,6 +134,7 @@ class ControlLoop:
         else:
             controller = self.controllers[source]
             if changed:
+                self._cut, feedback = 0.0, dataclasses.replace(feedback, cut=0.0)
                 self._state = controller.init(self._model, feedback)
             smooth = controller.takes_over_smoothly
             self._state, wanted = controller.step(self._model, self._state, reference.time, reference.values, feedback)

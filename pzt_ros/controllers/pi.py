@@ -26,7 +26,7 @@ class PI(Controller):
 
     proportional_gain: float = parameter(0.0, "V/m", "volts per metre of error", symbol="Kp", bounds=(0.0, 1e9))
     integral_gain: float = parameter(
-        5e8, "V/m/s", "volts per second and metre of error", symbol="Ki", bounds=(0.0, 1e12)
+        5e8, "V/m/s", "volts per second and metre of error", symbol="Ki", bounds=(0.0, 1e13)
     )
     integral_limit: float = parameter(200.0, "V", "the integral stays within plus and minus this", bounds=(0.0, 1e4))
 
@@ -39,23 +39,26 @@ class PI(Controller):
     ) -> tuple[float, Array]:
         """Drive voltage [V]."""
         error = tracking_error(feedback)
-        return proportional_integral(
-            error, state, self.proportional_gain, self.integral_gain * sample_period(time), self.integral_limit
-        )
+        step = self.integral_gain * sample_period(time, feedback.time[-1])
+        return proportional_integral(error, state, self.proportional_gain, step, self.integral_limit, feedback.cut)
 
 
-def sample_period(time: Array) -> float:
-    """The mean time between samples of a block [s]."""
-    return float(time[-1] - time[0]) / (len(time) - 1)
+def sample_period(time: Array, before: float = 0.0) -> float:
+    """The mean time between samples of a block [s]; a block of one sample follows the one at `before` [s]."""
+    return float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else float(time[0] - before)
 
 
 @njit(cache=True)
 def proportional_integral(
-    error: Array, integral: float, proportional: float, integral_step: float, limit: float
+    error: Array, integral: float, proportional: float, integral_step: float, limit: float, cut: float = 0.0
 ) -> tuple[float, Array]:
-    """The integral after a block of error, held at its limit, and the output over the block [shape of `error`]."""
+    """The integral after a block of error, held at its limit, and the output over the block [shape of `error`].
+
+    Where the bounds took something from the last output (`cut`), errors that ask for more of it do not count.
+    """
     out = np.empty_like(error)
     for i in range(len(error)):
-        integral = min(max(integral + integral_step * error[i], -limit), limit)
+        if error[i] * cut <= 0.0:
+            integral = min(max(integral + integral_step * error[i], -limit), limit)
         out[i] = proportional * error[i] + integral
     return integral, out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -17,17 +18,19 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True)
 class DisturbanceState:
-    """Memory: the model's state, and the disturbance [m] (NaN before the first measurement)."""
+    """Memory: the model's state, the disturbance [m] (NaN before the first measurement), last time [s]."""
 
     model: ChainState
     disturbance: float
+    time: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbanceObserver(Observer):
     """Runs the model on the applied voltage and lets one slow disturbance take up what the measurement says beyond it.
 
-    w' = L (y - y_model - w). The first measurement sets w, because the sensor's zero is wherever it happened to be.
+    w' = L (y - y_model - w). The first measurement sets w, because the sensor's zero is wherever it happened to be. A
+    sample that is no number leaves w as it is.
     """
 
     kind: ClassVar[str] = "disturbance"
@@ -38,23 +41,22 @@ class DisturbanceObserver(Observer):
 
     def init(self, model: Chain, rest: Rest) -> DisturbanceState:
         """Model at rest, disturbance unknown."""
-        return DisturbanceState(model.behind_amplifier.init(rest), math.nan)
+        return DisturbanceState(model.behind_amplifier.init(rest), math.nan, rest.time)
 
     def predict(
         self, model: Chain, state: DisturbanceState, time: Array, voltage: Array
     ) -> tuple[DisturbanceState, Signals]:
         """The model over a block of applied voltage [V]."""
         memory, predicted = model.behind_amplifier.step(state.model, Signals(time, voltage))
-        return DisturbanceState(memory, state.disturbance), predicted
+        return dataclasses.replace(state, model=memory), predicted
 
     def correct(
         self, state: DisturbanceState, predicted: Signals, measurement: Array
     ) -> tuple[DisturbanceState, Estimate]:
         """Let the disturbance follow what the measurement [m] says beyond the model."""
         time, residual = predicted.time, measurement - predicted.displacement
-        start = state.disturbance if math.isfinite(state.disturbance) else float(residual[0])
-        step = (time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else 0.0
-        disturbance, innovation = _follow(residual, start, 1.0 - math.exp(-self.gain * step))
+        step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else max(float(time[0]) - state.time, 0.0)
+        found, disturbance, innovation = _follow(residual, state.disturbance, 1.0 - math.exp(-self.gain * step))
         estimate = Estimate(
             time,
             predicted.displacement + disturbance,
@@ -63,17 +65,21 @@ class DisturbanceObserver(Observer):
             innovation,
             disturbance,
         )
-        return DisturbanceState(state.model, float(disturbance[-1])), estimate
+        return DisturbanceState(state.model, found, float(time[-1])), estimate
 
 
 @njit(cache=True)
-def _follow(residual: Array, start: float, share: float) -> tuple[Array, Array]:
-    """First-order filter of the model residual; also the innovation before each update."""
-    disturbance = np.empty_like(residual)
-    innovation = np.empty_like(residual)
+def _follow(residual: Array, start: float, share: float) -> tuple[float, Array, Array]:
+    """First-order filter of the model residual: its end, its course (0 until it begins), the innovations before it."""
+    disturbance = np.zeros_like(residual)
+    innovation = np.zeros_like(residual)
     w = start
     for i in range(len(residual)):
-        innovation[i] = residual[i] - w
-        w += share * innovation[i]
-        disturbance[i] = w
-    return disturbance, innovation
+        if math.isfinite(residual[i]):
+            if math.isnan(w):
+                w = residual[i]
+            innovation[i] = residual[i] - w
+            w += share * innovation[i]
+        if not math.isnan(w):
+            disturbance[i] = w
+    return w, disturbance, innovation

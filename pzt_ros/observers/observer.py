@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,9 @@ class Estimate:
         displacement: as the sensor would read it without noise [m].
         polarization: [C/m^2].
         phase_fraction: [-].
-        innovation: measurement minus the observer's one-step prediction [m].
+        innovation: measurement minus the observer's one-step prediction [m]; 0 where nothing was measured.
         disturbance: what the model lacks, as a displacement [m].
+        displacement_std, polarization_std, phase_fraction_std: standard deviations; empty where the observer has none.
     """
 
     time: Array
@@ -29,6 +30,9 @@ class Estimate:
     phase_fraction: Array
     innovation: Array
     disturbance: Array
+    displacement_std: Array = field(default_factory=lambda: ABSENT)
+    polarization_std: Array = field(default_factory=lambda: ABSENT)
+    phase_fraction_std: Array = field(default_factory=lambda: ABSENT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +55,10 @@ class Observer(ABC):
     @abstractmethod
     def correct(self, state: Any, predicted: Signals, measurement: Array) -> tuple[Any, Estimate]:
         """Pull a predicted block towards its measurement [m]."""
+
+    def health(self, state: Any) -> dict[str, float]:
+        """What an operator may want to know, by name; nothing by default."""
+        return {}
 
     def update(self, model: Chain, state: Any, time: Array, voltage: Array, measurement: Array) -> tuple[Any, Estimate]:
         """Predict and correct."""

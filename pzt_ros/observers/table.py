@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pzt_ros.errors import BenchError
 from pzt_ros.observers.disturbance import DisturbanceObserver
+from pzt_ros.observers.hysteresis import HysteresisObserver
 from pzt_ros.observers.observer import Observer
 
-OBSERVERS: dict[str, type[Observer]] = {observer.kind: observer for observer in (DisturbanceObserver,)}
+OBSERVERS: dict[str, type[Observer]] = {
+    observer.kind: observer for observer in (DisturbanceObserver, HysteresisObserver)
+}
 
 
 def find_observer(kind: str) -> type[Observer]:

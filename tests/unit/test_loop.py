@@ -84,6 +84,15 @@ def test_without_noise_measurement_and_estimate_are_the_truth(ticks: list[Tick])
         np.testing.assert_array_equal(tick.estimate.polarization, tick.truth.polarization)
 
 
+def test_the_hysteresis_observer_sees_what_a_run_does(tmp_path: Path, ticks: list[Tick]) -> None:
+    """Chosen by name, it takes the place of the other; on the stage's own model it is off by what its noise allows."""
+    observed = ticks_of(scenario(tmp_path, TINY + "observer: {observer: hysteresis, members: 4}\n"))
+    errors = [np.max(np.abs(tick.estimate.displacement - tick.truth.displacement)) for tick in observed[1:]]
+    assert max(errors) < 1e-7
+    for tick, other in zip(observed, ticks, strict=True):
+        np.testing.assert_array_equal(tick.applied.voltage, other.applied.voltage)
+
+
 def test_a_good_run_meets_no_limit(tiny: Scenario) -> None:
     loop = InProcessLoop(tiny)
     tick: Tick | None = loop.start()
