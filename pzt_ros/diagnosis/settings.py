@@ -34,11 +34,11 @@ class Thresholds:
     selection_gain: float = 10.0
     size: float = 0.1
     promise: float = 0.003
-    further_promise: float = 0.4
+    further_promise: float = 0.1
     share: float = 0.5
     half_share: float = 0.2
     pair_share: float = 0.8
-    pair_promise: float = 0.6
+    pair_promise: float = 0.4
     floor: float = 1.05
     whole: float = 0.9
     near_floor: float = 1.15
