@@ -43,6 +43,7 @@ MEANINGS = {
 
 _LONGEST_LINE = 65_536
 _MOST_LINES = 1000
+_CHUNK = 4096
 _ERROR_CODE = re.compile(r"-?\d{1,5}")
 
 
@@ -106,6 +107,7 @@ class GcsConnection:
         """
         if self._socket is None:
             self.connect()
+        self._received += self._waiting()
         if self._received:
             raise self._failed(f"said '{_shortened(self._received.decode('latin-1'))}' unasked")
         self._send("".join(f"{command}\n" for command in commands))
@@ -165,6 +167,15 @@ class GcsConnection:
 
     # -- inside
 
+    def _waiting(self) -> bytes:
+        """What has come since the last answer."""
+        try:
+            connection = self._open_socket()
+            connection.settimeout(0.0)
+            return connection.recv(_CHUNK)
+        except OSError:  # nothing has; if the connection is broken, sending will tell
+            return b""
+
     def _send(self, text: str) -> None:
         try:
             connection = self._open_socket()
@@ -208,7 +219,7 @@ class GcsConnection:
             connection = self._open_socket()
             connection.settimeout(left)
             _acknowledge_at_once(connection)
-            data = connection.recv(4096)
+            data = connection.recv(_CHUNK)
         except TimeoutError:
             raise self._failed(late) from None
         except OSError as error:

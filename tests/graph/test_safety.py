@@ -154,7 +154,7 @@ def test_a_fault_latches_until_it_is_reset(amplifier: Amplifier) -> None:
     assert amplifier.applied[-1].data[-3] == pytest.approx(50.0)
     amplifier.command(6, float("nan"))
     spin(lambda: amplifier.state().get("state") == "fault")
-    assert amplifier.applied[-1].data[-3] == 0.0
+    spin(lambda: amplifier.applied[-1].data[-3] == 0.0)  # another topic than the state, so it may come later
     reason = "command voltage is not a finite number"
     assert amplifier.state()["reason"] == reason
     count = len(amplifier.applied)
