@@ -42,7 +42,7 @@ class Thresholds:
     floor: float = 1.05
     whole: float = 0.9
     near_floor: float = 1.15
-    nameable: float = 2.0
+    nameable: float = 4.0
     tie: float = 0.93
     decisive: float = 25.0
     refits: int = 4

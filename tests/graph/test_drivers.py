@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from gcs_server import SILENT, GcsServer
-from graph_process import GraphProcess, alive, free_domain, wait_until
+from graph_process import GraphProcess, alive, wait_until
 from scenarios import SHORT, write
 
 from pzt_ros.bags.reader import open_bag
@@ -35,27 +33,9 @@ class DriverGraph(GraphProcess):
     """A graph whose drivers are named in a file."""
 
     def __init__(self, scenario: Path, drivers: str, folder: Path) -> None:
-        self.folder = folder
-        self.domain = free_domain()
         chosen = scenario.with_name("drivers.yaml")
         chosen.write_text(drivers, encoding="utf-8")
-        command = [
-            sys.executable,
-            "-m",
-            "pzt_bringup",
-            str(scenario),
-            "--out",
-            str(folder),
-            "--domain",
-            str(self.domain),
-        ]
-        self.process = subprocess.Popen(
-            [*command, "--drivers", str(chosen)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
+        super().__init__(scenario, folder, "--drivers", str(chosen))
 
     def log(self, node: str) -> str:
         path = self.folder / "log" / f"{node}.log"
