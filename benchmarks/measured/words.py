@@ -21,8 +21,7 @@ of the span, nearly all of it a constant in the hold at the end: the place where
 first decaying cycles, too, it is within 0.30 %. In the table of effects below the base has not seen those. A delay of
 one to two samples (the authors note one) and a relaxation of 10 to 20 ms behind the base gain about as much where
 they were not fitted, a curve of the sensor less. **Not identifiable from these runs: lag or fast relaxation; a curve
-of the
-sensor is not ruled out.** All runs are at 1 Hz, and there the first two are the same to the data, as is a longer
+of the sensor is not ruled out.** All runs are at 1 Hz, and there the first two are the same to the data, as is a longer
 relaxation time in the base, which is why `pzt diagnose` finds nothing to name. What would decide: the same amplitude
 at 0.2 and at 5 Hz. A delay stays as long as it is, a relaxation of 10 ms has gone at 0.2 Hz.""",
     "afm": """No effect of the library explains what is left, on sines and triangles alike. Half of its square is in
