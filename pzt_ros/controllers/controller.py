@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.physics.chain import Chain, ChainState
 from pzt_ros.physics.signals import ABSENT, Array, Signals
 
@@ -26,8 +27,9 @@ class Feedback:
         model: state of the model chain at the end of that block.
         predicted: displacement as the model has it by itself [m, shape (n,)]; empty where nobody ran it.
         cut: what the bounds took from the last voltage that was asked for [V]; positive if that was too high.
+        bounds: what may be asked for.
 
-    The control loop fills in the last four.
+    The control loop fills in the last five.
     """
 
     time: Array
@@ -38,6 +40,7 @@ class Feedback:
     model: ChainState = ()
     predicted: Array = field(default_factory=lambda: ABSENT)
     cut: float = 0.0
+    bounds: Bounds = field(default_factory=Bounds)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,7 +104,12 @@ class ControlLoop:
         self.follow(feedback.time, feedback.voltage)
         asked = self._last.values if self._last is not None and self._last.quantity == DISPLACEMENT else None
         feedback = dataclasses.replace(
-            feedback, reference=asked, model=self._model_state, predicted=self._predicted, cut=self._cut
+            feedback,
+            reference=asked,
+            model=self._model_state,
+            predicted=self._predicted,
+            cut=self._cut,
+            bounds=self._bounds,
         )
         self._last = reference
         drive = self._drive(reference, feedback)

@@ -15,7 +15,24 @@ from pzt_ros.quantities import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class PI(Controller):
+class ErrorFeedback(Controller):
+    """Gains of proportional-integral feedback in volts, for every controller that has it."""
+
+    proportional_gain: float = parameter(0.0, "V/m", "volts per metre of error", symbol="Kp", bounds=(0.0, 1e9))
+    integral_gain: float = parameter(
+        5e8, "V/m/s", "volts per second and metre of error", symbol="Ki", bounds=(0.0, 1e13)
+    )
+    integral_limit: float = parameter(200.0, "V", "the integral stays within plus and minus this", bounds=(0.0, 1e4))
+
+    def asked(self, integral: float, time: Array, feedback: Feedback) -> tuple[float, Array]:
+        """The integral after a block [V], and the voltage asked for over it [V, shape (n,)]."""
+        step = self.integral_gain * sample_period(time, feedback.time[-1])
+        error = tracking_error(feedback)
+        return proportional_integral(error, integral, self.proportional_gain, step, self.integral_limit, feedback.cut)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PI(ErrorFeedback):
     """The honest baseline: proportional-integral feedback of the tracking error, nothing else.
 
     Feedback is one block late, because a block is measured before the next is computed.
@@ -23,12 +40,6 @@ class PI(Controller):
 
     kind: ClassVar[str] = "pi"
     takes_over_smoothly: ClassVar[bool] = True
-
-    proportional_gain: float = parameter(0.0, "V/m", "volts per metre of error", symbol="Kp", bounds=(0.0, 1e9))
-    integral_gain: float = parameter(
-        5e8, "V/m/s", "volts per second and metre of error", symbol="Ki", bounds=(0.0, 1e13)
-    )
-    integral_limit: float = parameter(200.0, "V", "the integral stays within plus and minus this", bounds=(0.0, 1e4))
 
     def init(self, model: Chain, feedback: Feedback) -> float:
         """The integral [V] that continues the voltage found."""
@@ -38,9 +49,7 @@ class PI(Controller):
         self, model: Chain, state: float, time: Array, reference: Array, feedback: Feedback
     ) -> tuple[float, Array]:
         """Drive voltage [V]."""
-        error = tracking_error(feedback)
-        step = self.integral_gain * sample_period(time, feedback.time[-1])
-        return proportional_integral(error, state, self.proportional_gain, step, self.integral_limit, feedback.cut)
+        return self.asked(state, time, feedback)
 
 
 def sample_period(time: Array, before: float = 0.0) -> float:

@@ -9,15 +9,15 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from pzt_ros.controllers.controller import Controller, Feedback, tracking_error
-from pzt_ros.controllers.pi import proportional_integral, sample_period
+from pzt_ros.controllers.controller import Feedback
+from pzt_ros.controllers.pi import ErrorFeedback, sample_period
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class NotchPI(Controller):
+class NotchPI(ErrorFeedback):
     """The honest baseline on a stage with a flexure mode: PI, and a notch that keeps the feedback from exciting it.
 
     The notch is (s^2 + 2 D d w s + w^2)/(s^2 + 2 D w s + w^2), w the mode, D its width and d what is left in the
@@ -27,11 +27,9 @@ class NotchPI(Controller):
     kind: ClassVar[str] = "pi_notch"
     takes_over_smoothly: ClassVar[bool] = True
 
-    proportional_gain: float = parameter(0.0, "V/m", "volts per metre of error", symbol="Kp", bounds=(0.0, 1e9))
     integral_gain: float = parameter(
         1e9, "V/m/s", "volts per second and metre of error", symbol="Ki", bounds=(0.0, 1e13)
     )
-    integral_limit: float = parameter(200.0, "V", "the integral stays within plus and minus this", bounds=(0.0, 1e4))
     notch_frequency: float = parameter(1000.0, "Hz", "of the flexure mode", bounds=(0.1, 1e6))
     notch_width: float = parameter(0.5, "1", "damping ratio of the filter's poles", symbol="D", bounds=(0.01, 5.0))
     notch_depth: float = parameter(0.05, "1", "what is left in the middle", symbol="d", bounds=(0.0, 1.0))
@@ -45,16 +43,12 @@ class NotchPI(Controller):
         self, model: Chain, state: tuple[float, float, float], time: Array, reference: Array, feedback: Feedback
     ) -> tuple[tuple[float, float, float], Array]:
         """Drive voltage [V]."""
-        period = sample_period(time, feedback.time[-1])
         integral, first, second = state
-        coefficients = self._coefficients(period)
+        coefficients = self._coefficients(sample_period(time, feedback.time[-1]))
         if math.isnan(first):
             b0, _, b2, _, a2 = coefficients
             first, second = second * (1.0 - b0), second * (b2 - a2)
-        integral, asked = proportional_integral(
-            tracking_error(feedback), integral, self.proportional_gain, self.integral_gain * period,
-            self.integral_limit, feedback.cut,
-        )  # fmt: skip
+        integral, asked = self.asked(integral, time, feedback)
         first, second, out = _filter(asked, first, second, *coefficients)
         return (integral, first, second), out
 

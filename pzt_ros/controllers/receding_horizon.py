@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Controller, Feedback, model_offset, tracking_error
 from pzt_ros.controllers.inverse import inverse_voltage
 from pzt_ros.controllers.pi import proportional_integral, sample_period
@@ -34,9 +33,6 @@ class RecedingHorizon(Controller):
 
     integral_gain: float = parameter(30.0, "1/s", "share of the error per second", symbol="Ki", bounds=(0.0, 1e5))
     integral_limit: float = parameter(5e-6, "m", "the correction stays within plus and minus this", bounds=(0.0, 1e-3))
-    voltage_min: float = parameter(-40.0, "V", "lowest voltage of a plan", bounds=(-1000.0, 0.0))
-    voltage_max: float = parameter(150.0, "V", "highest voltage of a plan", bounds=(0.0, 1000.0))
-    slew_rate: float = parameter(2e5, "V/s", "fastest change of a plan", bounds=(1.0, 5e8))
     current: float = parameter(0.2, "A", "largest mean current of a sample", bounds=(1e-6, 10.0))
     iterations: float = parameter(5.0, "1", "real-time iterations at most", bounds=(1.0, 100.0))
 
@@ -64,7 +60,7 @@ class RecedingHorizon(Controller):
 
         `wanted` [V] is that of the exact inverse.
         """
-        bounds = Bounds(voltage_min=self.voltage_min, voltage_max=self.voltage_max, slew_rate=self.slew_rate)
+        bounds = feedback.bounds
         before, last = float(feedback.time[-1]), float(feedback.voltage[-1])
         if not np.isfinite(last):
             return wanted
@@ -80,8 +76,8 @@ class RecedingHorizon(Controller):
             return held
         guess = held / ceramic.layer_thickness
         limits = Limits(
-            self.voltage_min / ceramic.layer_thickness, self.voltage_max / ceramic.layer_thickness,
-            self.slew_rate / ceramic.layer_thickness, self.current,
+            bounds.voltage_min / ceramic.layer_thickness, bounds.voltage_max / ceramic.layer_thickness,
+            bounds.slew_rate / ceramic.layer_thickness, self.current,
         )  # fmt: skip
         field = optimal_block(ceramic, start, time, p, guess, limits, int(self.iterations))
         if field is None or self._costs_more(ceramic, start, time, p, field, guess):

@@ -28,7 +28,7 @@ from pzt_ros.diagnosis.next_experiment import (
     for_amplitudes,
     for_unexplained,
 )
-from pzt_ros.diagnosis.outcome import Errors, errors_of, estimates, model_of
+from pzt_ros.diagnosis.outcome import Errors, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.search import Candidate, Search, Step
@@ -159,7 +159,7 @@ def _report(
     sparse = _is_sparse(chosen, asked) and remains.present
     if sparse:
         remains = dataclasses.replace(remains, present=False)
-    effects = _found(chosen, runs, before, after, command)
+    effects = _found(chosen, runs, (before, after), model, command)
     why, design = _next_experiment(effects, tied, remains, sparse)
     drive = designed(design, _bench(chosen, runs), why) if design else None
     return Report(
@@ -207,11 +207,12 @@ def _base_as_data(chosen: Branch) -> dict[str, Any]:
 
 
 def _found(
-    chosen: Branch, runs: Sequence[RunData], before: Errors, after: Errors, command: str
+    chosen: Branch, runs: Sequence[RunData], errors: tuple[Errors, Errors], model: Chain, command: str
 ) -> tuple[FoundEffect, ...]:
-    """The effects that stand alone, each with the error before and after it was added."""
+    """The effects that stand alone, each with the error before and after it was added, and as the model has them."""
+    before, after = errors
     added = [candidate for step in chosen.steps if not step.tied for candidate in step.accepted]
-    final = estimates(chosen.final)
+    final = model.notes["fit"]["parameters"]
     found, reached = [], before
     for candidate in added:
         last = candidate.after is chosen.final

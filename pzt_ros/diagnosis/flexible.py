@@ -168,14 +168,14 @@ def _identified(
             [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks],
         )
 
-    search = fit.chosen(*measured(unknown))
-    choice = search.best[0]
+    comparison = fit.chosen(*measured(unknown))
+    choice = comparison.best[0]
     if choice.held_out > _CLEAN and not all(unknown):
         doubted = [True] * len(runs)
         other = fit.only(choice).chosen(*measured(doubted))
         if other.best[0].held_out < _BETTER * choice.held_out:
-            search, unknown = other, doubted
-    return fit.finished(search, measured(unknown)[0]), unknown
+            comparison, unknown = other, doubted
+    return fit.finished(comparison, measured(unknown)[0]), unknown
 
 
 def _begins_driven(run: RunData) -> bool:

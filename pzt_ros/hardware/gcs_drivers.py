@@ -31,14 +31,30 @@ _SHORTEST, _LOST_PERIODS = 0.9, 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class GcsAmplifierSettings(AmplifierSettings):
-    """One axis of a controller in open loop: the voltage is commanded with SVA and read back with VOL?."""
-
-    kind: ClassVar[str] = "gcs"
+class _Controller:
+    """Where a controller is, and how long it may take."""
 
     host: str = choice("", (), "IP address of the controller; a name has to be looked up, which no timeout bounds")
     port: float = parameter(float(PORT), "1", "TCP port of the controller", bounds=(1.0, 65_535.0))
     timeout: float = parameter(0.2, "s", "longest wait for an answer", bounds=(1e-3, 10.0))
+
+    def connection(self, retry_after: float = 1.0) -> GcsConnection:
+        """To it, not connected yet.
+
+        Raises:
+            BenchError: no address was given.
+        """
+        if not self.host:
+            raise BenchError("driver 'gcs' needs the address of the controller: set the parameter gcs.host")
+        return GcsConnection(self.host, int(self.port), self.timeout, retry_after)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GcsAmplifierSettings(_Controller, AmplifierSettings):
+    """One axis of a controller in open loop: the voltage is commanded with SVA and read back with VOL?."""
+
+    kind: ClassVar[str] = "gcs"
+
     axis: str = choice("1", (), "axis that SVA and SVO act on")
     channel: str = choice("1", (), "output channel that VOL? reads")
     volts_per_unit: float = parameter(
@@ -60,14 +76,11 @@ class GcsAmplifierSettings(AmplifierSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GcsSensorSettings(SensorSettings):
+class GcsSensorSettings(_Controller, SensorSettings):
     """The position of one axis of a controller, asked for with POS? as often as it answers."""
 
     kind: ClassVar[str] = "gcs"
 
-    host: str = choice("", (), "IP address of the controller; a name has to be looked up, which no timeout bounds")
-    port: float = parameter(float(PORT), "1", "TCP port of the controller", bounds=(1.0, 65_535.0))
-    timeout: float = parameter(0.2, "s", "longest wait for an answer", bounds=(1e-3, 10.0))
     axis: str = choice("1", (), "axis that POS? reads")
     metres_per_unit: float = parameter(1e-6, "m", "displacement for one unit of POS?", bounds=(1e-12, 1.0))
     pause: float = parameter(1e-3, "s", "between an answer to POS? and the next question", bounds=(0.0, 1.0))
@@ -91,12 +104,6 @@ def _identify(connection: GcsConnection) -> str:
     return identity
 
 
-def _connection(host: str, port: float, timeout: float, retry_after: float = 1.0) -> GcsConnection:
-    if not host:
-        raise BenchError("driver 'gcs' needs the address of the controller: set the parameter gcs.host")
-    return GcsConnection(host, int(port), timeout, retry_after)
-
-
 class GcsAmplifier:
     """One axis of a controller as an amplifier.
 
@@ -109,7 +116,7 @@ class GcsAmplifier:
         self.gain = settings.volts_per_unit
         self.remark = ""
         self._settings = settings
-        self._connection = _connection(settings.host, settings.port, settings.timeout)
+        self._connection = settings.connection()
         self._period = 1.0 / sample_rate
         self._due = 0.0
         self._voltage = 0.0
@@ -236,7 +243,7 @@ class GcsSensor:
     def __init__(self, settings: GcsSensorSettings) -> None:
         self.remark = ""
         self._settings = settings
-        self._connection = _connection(settings.host, settings.port, settings.timeout, retry_after=0.2)
+        self._connection = settings.connection(retry_after=0.2)
         self._readings: deque[tuple[float, float]] = deque(maxlen=_POLLS_KEPT)
         self._trouble = ""
         self._lock = threading.Lock()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pzt_ros.errors import BenchError
+from pzt_ros.errors import named
 from pzt_ros.hardware.driver import AmplifierSettings, SensorSettings
 from pzt_ros.hardware.gcs_drivers import GcsAmplifierSettings, GcsSensorSettings
 from pzt_ros.hardware.replay import ReplayAmplifierSettings, ReplaySensorSettings
@@ -22,9 +22,7 @@ def find_amplifier(kind: str) -> type[AmplifierSettings]:
     Raises:
         BenchError: there is none.
     """
-    if kind not in AMPLIFIERS:
-        raise BenchError(f"unknown amplifier driver '{kind}'; known are {', '.join(AMPLIFIERS)}")
-    return AMPLIFIERS[kind]
+    return named(AMPLIFIERS, kind, "amplifier driver")
 
 
 def find_sensor(kind: str) -> type[SensorSettings]:
@@ -33,6 +31,4 @@ def find_sensor(kind: str) -> type[SensorSettings]:
     Raises:
         BenchError: there is none.
     """
-    if kind not in SENSORS:
-        raise BenchError(f"unknown sensor driver '{kind}'; known are {', '.join(SENSORS)}")
-    return SENSORS[kind]
+    return named(SENSORS, kind, "sensor driver")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pzt_ros.errors import BenchError
+from pzt_ros.errors import named
 from pzt_ros.observers.disturbance import DisturbanceObserver
 from pzt_ros.observers.hysteresis import HysteresisObserver
 from pzt_ros.observers.observer import Observer
@@ -18,6 +18,4 @@ def find_observer(kind: str) -> type[Observer]:
     Raises:
         BenchError: there is none.
     """
-    if kind not in OBSERVERS:
-        raise BenchError(f"unknown observer '{kind}'; known are {', '.join(OBSERVERS)}")
-    return OBSERVERS[kind]
+    return named(OBSERVERS, kind, "observer")

@@ -144,31 +144,31 @@ class IdentifiedFit:
         """
         return self.finished(self.chosen(runs, choosing), runs)
 
-    def chosen(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> Search:
+    def chosen(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> Comparison:
         """Only compare, on thinned runs; `fit` goes on from there."""
         _refuse_still(runs)
         with one_blas_thread():
-            return self._searched(runs, choosing)
+            return self._compared(runs, choosing)
 
-    def _searched(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> Search:
+    def _compared(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> Comparison:
         training = [_thinned(run) for run in runs]
         compared = len(self.resolutions) * len(self.rotations) * len(self.orders)
         if compared > 1 and not choosing and not any(run.chooses is not None for run in runs):
             training = [self._divided(run) for run in training]
-        search = Search(self, training, [_thinned(run) for run in choosing])
+        comparison = Comparison(self, training, [_thinned(run) for run in choosing])
         resolution, *finer = self.resolutions
         order, *higher = sorted(self.orders)
-        search.compare((resolution, rotation, order) for rotation in sorted(self.rotations))
-        best = search.best[0]
-        search.compare((resolution, best.rotation, other) for other in higher)
-        best = search.best[0]
-        search.compare((other, best.rotation, best.order) for other in finer)
-        return search
+        comparison.compare((resolution, rotation, order) for rotation in sorted(self.rotations))
+        best = comparison.best[0]
+        comparison.compare((resolution, best.rotation, other) for other in higher)
+        best = comparison.best[0]
+        comparison.compare((other, best.rotation, best.order) for other in finer)
+        return comparison
 
-    def finished(self, search: Search, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
-        """The best of a search, fitted to all counted samples of the runs."""
-        choice, problem, vector = search.best
-        steps, lines = search.steps, self.fine_lines[0]
+    def finished(self, comparison: Comparison, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
+        """The best of a comparison, fitted to all counted samples of the runs."""
+        choice, problem, vector = comparison.best
+        steps, lines = comparison.steps, self.fine_lines[0]
         lines = min(max(lines, math.ceil(problem.base.finest(vector))), self.fine_lines[1])
         stages = (([_thinned(run) for run in runs], "thinned runs", _MOST_STEPS), (runs, "all samples", _LAST_STEPS))
         with one_blas_thread():
@@ -177,7 +177,7 @@ class IdentifiedFit:
                 begin = problem.with_law_of(vector, former, vector)
                 solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}", most_steps)
                 steps, vector = steps + solution.steps, solution.vector
-        choices = [choice, *(other for other, _, _ in search.found if other is not choice)]
+        choices = [choice, *(other for other, _, _ in comparison.found if other is not choice)]
         return IdentifiedResult(problem, vector, solution.residuals, choices, steps)
 
     def _divided(self, run: MeasuredRun) -> MeasuredRun:
@@ -225,7 +225,7 @@ class IdentifiedFit:
         return IdentifiedProblem(base, runs, order=choice.order, lag=self.lag, drift=self.drift)
 
 
-class Search:
+class Comparison:
     """Choices that were fitted to the same thinned runs, each from where the one before ended.
 
     Attributes:

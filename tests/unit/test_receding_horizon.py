@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
+from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Controller, Feedback
 from pzt_ros.controllers.inverse_pi import InversePI
 from pzt_ros.controllers.receding_horizon import RecedingHorizon
@@ -22,8 +23,9 @@ RATE, SIZE, AREA = 20e3, 50, 2e-3
 class Loop:
     """A controller on a stage that is its model, block by block, with no other limits between."""
 
-    def __init__(self, controller: Controller, chain: str = "thesis-p2") -> None:
+    def __init__(self, controller: Controller, chain: str = "thesis-p2", **bounds: float) -> None:
         self.controller = controller
+        self.bounds = Bounds(**bounds)
         self.model: Chain = load_chain(chain).section(ACTUATOR)
         self.state = self.model.init(Rest())
         self.block = 0
@@ -43,7 +45,7 @@ class Loop:
         self.voltages.append(voltage)
         self.polarizations.append(out.polarization)
         y = out.displacement
-        return Feedback(time, voltage, y, y, reference, self.state, y)
+        return Feedback(time, voltage, y, y, reference, self.state, y, bounds=self.bounds)
 
     def run(self, moves: Array) -> Array:
         """Follow displacements [m] relative to where it stands; returns the error [m]."""
@@ -100,8 +102,7 @@ def test_with_a_slew_limit_the_plan_is_better_than_the_inverse_held_in_it(slew: 
         def _is_free(self, *_: object) -> bool:
             return True
 
-    free = {"current": 10.0, "slew_rate": slew}
-    planned, held = (Loop(cls(**free)) for cls in (RecedingHorizon, Held))
+    planned, held = (Loop(cls(current=10.0), slew_rate=slew) for cls in (RecedingHorizon, Held))
     errors = [float(np.sum(loop.run(STEP) ** 2)) for loop in (planned, held)]
     assert errors[0] <= errors[1]
     assert np.max(np.abs(np.diff(planned.voltage))) <= slew / RATE * (1 + 1e-9)
@@ -109,8 +110,8 @@ def test_with_a_slew_limit_the_plan_is_better_than_the_inverse_held_in_it(slew: 
 
 def test_nothing_that_is_asked_leaves_the_limits() -> None:
     rng = np.random.default_rng(4)
-    controller = RecedingHorizon(voltage_max=120.0, voltage_min=-20.0, slew_rate=1e5)
-    loop = Loop(controller)
+    controller = RecedingHorizon()
+    loop = Loop(controller, voltage_max=120.0, voltage_min=-20.0, slew_rate=1e5)
     for _ in range(12):
         kind = rng.integers(4)
         moves = rng.uniform(-20e-6, 20e-6) * np.ones(2 * SIZE)
@@ -132,7 +133,7 @@ def test_nothing_that_is_asked_leaves_the_limits() -> None:
 
 @pytest.mark.parametrize("chain", ["thesis-q1", "thesis-p3"])
 def test_every_ceramic_is_served(chain: str) -> None:
-    loop = Loop(RecedingHorizon(slew_rate=3e4), chain)
+    loop = Loop(RecedingHorizon(), chain, slew_rate=3e4)
     error = loop.run(np.concatenate([np.zeros(SIZE), np.full(6 * SIZE, 1.5e-6)]))
     assert np.max(np.abs(np.diff(loop.voltage))) <= 3e4 / RATE * (1 + 1e-9)
     assert np.max(np.abs(error[-SIZE:])) < 0.1e-6
