@@ -76,6 +76,19 @@ def fit_declared(chain: Chain, runs: Sequence[RunData], progress: Progress) -> H
     return exact(found)
 
 
+def without_histories(declared: Hypothesis) -> Hypothesis | None:
+    """The declared model fitted with every run starting where it begins; None where it has no other starts.
+
+    A base may make up a history for what an effect does to a run, and the effect then finds nothing left to explain.
+    """
+    staged = declared.staged
+    ceramic = staged.ceramic
+    if not isinstance(ceramic, DeclaredHysteresis) or not any(start.prior_voltages for start in ceramic.starts):
+        return None
+    plain = dataclasses.replace(staged, ceramic=ceramic.with_starts([Start() for _ in staged.runs]))
+    return exact(fitted(plain, declared.vector, most_steps=40))
+
+
 def _ceramic_of(chain: Chain) -> Ferroelectric:
     for link in chain.links:
         if isinstance(link, Ferroelectric):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import drive_of
@@ -41,6 +42,11 @@ class RunData:
         """The drive as it enters the chain."""
         return drive_of(self.record)
 
+    @cached_property
+    def clear(self) -> NDArray[np.bool_]:
+        """Samples that a model can know."""
+        return ~lost_turns(self.record)
+
     @property
     def has_polarization(self) -> bool:
         """Whether the polarization takes part."""
@@ -70,14 +76,13 @@ class RunData:
 
 def split(train: Sequence[RunData], test: Sequence[RunData]) -> list[RunData]:
     """All of the train runs is fitted; the first half of each test run chooses, its second half scores."""
-    found = [RunData(r.record, {FIT: _thin(0, len(r.record))}, r.noise, r.polarization_noise) for r in train]
+    found = [replace(run, picks={FIT: _thin(run, 0, len(run.record))}) for run in train]
     for run in test:
         half = len(run.record) // 2
-        picks = {SELECTION: _thin(0, half), SCORE: _thin(half, len(run.record))}
-        found.append(RunData(run.record, picks, run.noise, run.polarization_noise))
+        found.append(replace(run, picks={SELECTION: _thin(run, 0, half), SCORE: _thin(run, half, len(run.record))}))
     return found
 
 
-def _thin(first: int, after: int) -> Picks:
-    stride = max(1, -(-(after - first) // _MOST))
-    return np.arange(first, after, stride)
+def _thin(run: RunData, first: int, after: int) -> Picks:
+    clear = first + np.flatnonzero(run.clear[first:after])
+    return clear[:: max(1, -(-clear.size // _MOST))]

@@ -64,11 +64,15 @@ class DeclaredHysteresis:
         self._rough = [False] * len(records)
         self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)
 
+    def with_starts(self, starts: Sequence[Start]) -> DeclaredHysteresis:
+        """The same ceramic with other histories."""
+        return DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, starts)
+
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> DeclaredHysteresis:
         """A copy that agrees with the model at a vector, for the runs whose voltage is given."""
         if self.quick is self.model:
             return self
-        copy = DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, self.starts)
+        copy = self.with_starts(self.starts)
         exact = self.link(vector)
         for number, voltage in enumerate(voltages):
             if voltage.size:

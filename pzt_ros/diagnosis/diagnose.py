@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pzt_ros.diagnosis.base import default_chain, fit_declared
+from pzt_ros.diagnosis.base import default_chain, fit_declared, without_histories
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
@@ -82,7 +82,8 @@ def diagnose(
     began = time.monotonic()
     asked = thresholds or Thresholds()
     check_runs(train, test)
-    runs = split(with_floors(train), with_floors(test))
+    all_runs = with_floors((*train, *test))
+    runs = split(all_runs[: len(train)], all_runs[len(train) :])
     refitting = threads() if workers is None else nullcontext(workers)
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
@@ -96,8 +97,7 @@ def diagnose(
 
 def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """Searches on the declared base and, where that leaves something, on the flexible one."""
-    origin = fitted(declared.staged, declared.staged.start, most_steps=0)
-    search = Search(asked, progress=progress, workers=workers, origin=origin)
+    search = Search(asked, progress=progress, workers=workers, origins=_origins(declared))
     steps = search.run(declared)
     branch = Branch("gaussian", declared, tuple(steps))
     if search.explains(steps, declared):
@@ -107,6 +107,12 @@ def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         return [branch, other]
     # two at once takes longest, and where the declared density is wrong it is in vain: so last
     return [dataclasses.replace(branch, steps=tuple(search.with_pair(steps, declared))), other]
+
+
+def _origins(declared: Hypothesis) -> list[Hypothesis]:
+    """Where else the search for a first effect may start: without made-up histories, and at the values as declared."""
+    plain = without_histories(declared)
+    return ([plain] if plain else []) + [fitted(declared.staged, declared.staged.start, most_steps=0)]
 
 
 def _on_flexible(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:
@@ -177,7 +183,7 @@ def _report(
         remains=remains,
         next_experiment=f"{why} {drive.sentence}" if drive else why,
         next_drive=drive,
-        remarks=(_SPARSE,) if sparse else (),
+        remarks=(*((_SPARSE,) if sparse else ()), *_lost(runs)),
         verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
         baselines=baselines(runs),
         command=command,
@@ -198,6 +204,18 @@ def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
 _SPARSE = (
     "The identified density describes the train runs down to the noise, but not the test runs: it is not determined"
     " where those go. That asks for runs at more amplitudes and offsets, not for an effect."
+)
+
+
+def _lost(runs: Sequence[RunData]) -> list[str]:
+    """Of each run with samples that do not count, how many and why."""
+    counts = {run.record.name: int(np.count_nonzero(~run.clear)) for run in runs}
+    return [_LOST_TURNS.format(name=name, count=count) for name, count in counts.items() if count]
+
+
+_LOST_TURNS = (
+    "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
+    " not in the record."
 )
 _MORE_AMPLITUDES = "Minor loops at amplitudes and offsets between those of the train runs, which the density lacks."
 

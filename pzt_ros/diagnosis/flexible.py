@@ -186,8 +186,7 @@ def _begins_driven(run: RunData) -> bool:
 
 def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
     record = run.record
-    counted = np.ones(len(record), dtype=bool)
-    return MeasuredRun(record.time, voltage, record.displacement, run.noise, counted, unknown)
+    return MeasuredRun(record.time, voltage, record.displacement, run.noise, run.clear, unknown)
 
 
 def _choosing(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:

@@ -8,15 +8,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.lines import about_parabola, without_lines
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
-from pzt_ros.sysid.noise import noise_floor
+from pzt_ros.sysid.noise import noise_floor, spread_of
 
 _LEAST_SHARE = 1e-5  # of the span: a record without noise is still no better than this
 _SHORTEST_HOLD = 60  # samples
 _SKIPPED = 0.3  # of a hold, from its start: what rings or creeps fast
+_FIFTHS = 5
 _COLOURED = 1.12  # scatter in holds over what neighbouring samples say
+_PERIODS = 16.0  # of a tone in a hold, so that it stands out
+
+Stretch = tuple[Array, Array]
+"""Time [s] and displacement [m] of consecutive samples."""
 
 
 def with_floors(records: Sequence[Record]) -> list[RunData]:
@@ -25,7 +31,7 @@ def with_floors(records: Sequence[Record]) -> list[RunData]:
     Raises:
         BenchError: a displacement that does not move.
     """
-    floors = [displacement_floor(record) for record in records]
+    floors = displacement_floors(records)
     relative = [floor / float(np.ptp(record.displacement)) for floor, record in zip(floors, records, strict=True)]
     found = []
     for record, floor in zip(records, floors, strict=True):
@@ -38,24 +44,55 @@ def with_floors(records: Sequence[Record]) -> list[RunData]:
     return found
 
 
-def displacement_floor(record: Record) -> float:
-    """Noise of the displacement [m, rms]: third differences, or the scatter in holds where that is much larger."""
+def displacement_floors(records: Sequence[Record]) -> list[float]:
+    """Noise of each displacement [m, rms]: third differences, as much larger as holds show slower noise to be.
+
+    One sensor read at one rate has noise of one colour, and a few short holds tell it badly: so by how much is asked of
+    all holds of such runs together.
+
+    Raises:
+        BenchError: a displacement that does not move.
+    """
+    singles = [_of_neighbours(record) for record in records]
+    stretches = _without_tones([_settled(record) for record in records])
+    rates = [round(2.0 * math.log2(float(np.median(np.diff(record.time))))) for record in records]
+    colours = {}
+    for rate in set(rates):
+        runs = zip(stretches, singles, rates, strict=True)
+        colours[rate] = _colour([hold / single for holds, single, own in runs if own == rate for hold in holds])
+    return [single * colours[rate] for single, rate in zip(singles, rates, strict=True)]
+
+
+def _without_tones(runs: Sequence[Sequence[Stretch]]) -> list[list[Array]]:
+    """What holds of runs show without tones, which are no noise; nothing of holds too short to tell them apart."""
+    clean = [[(time, *without_lines(time, values)) for time, values in holds] for holds in runs]
+    frequencies = [frequency for holds in clean for _, _, found in holds for frequency in found]
+    shortest = _PERIODS / min(frequencies, default=math.inf)
+    return [[left for time, left, _ in holds if time[-1] - time[0] > shortest] for holds in clean]
+
+
+def _colour(stretches: Sequence[Array]) -> float:
+    """Noise as slow as a fifth of a hold over that of neighbouring samples; 1 where that is no more than chance."""
+    colour = spread_of(stretches, _FIFTHS)
+    return colour if colour > _COLOURED else 1.0
+
+
+def _of_neighbours(record: Record) -> float:
     span = float(np.ptp(record.displacement))
     if span == 0.0:
         raise BenchError(f"{record.name}: displacement_m stays at {record.displacement[0]:.6g} m; check the sensor")
-    single = max(noise_floor(record.displacement).rms, _LEAST_SHARE * span)
-    holds = _scatter_in_holds(record)
-    return holds if holds > _COLOURED * single else single
+    return max(noise_floor(record.displacement).rms, _LEAST_SHARE * span)
 
 
-def _scatter_in_holds(record: Record) -> float:
-    """Median over holds of the scatter about a parabola [m]; 0 where there are none."""
-    scatters = []
-    for first, after in holds(record.voltage):
-        first += int(_SKIPPED * (after - first))
-        if after - first >= _SHORTEST_HOLD:
-            scatters.append(_about_parabola(record.time[first:after], record.displacement[first:after]))
-    return float(np.median(scatters)) if scatters else 0.0
+def scatters_in_holds(record: Record) -> list[Array]:
+    """What each hold leaves about a parabola, once what rings or creeps fast is over [m]."""
+    return [about_parabola(time, values) for time, values in _settled(record)]
+
+
+def _settled(record: Record) -> list[Stretch]:
+    """Time and displacement of holds without their beginning."""
+    late = [slice(first + int(_SKIPPED * (after - first)), after) for first, after in holds(record.voltage)]
+    return [(record.time[hold], record.displacement[hold]) for hold in late if hold.stop - hold.start >= _SHORTEST_HOLD]
 
 
 def holds(voltage: Array) -> list[tuple[int, int]]:
@@ -63,10 +100,3 @@ def holds(voltage: Array) -> list[tuple[int, int]]:
     still = np.abs(np.diff(voltage)) <= 1e-6 * float(np.ptp(voltage))
     edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
     return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST_HOLD]
-
-
-def _about_parabola(time: Array, values: Array) -> float:
-    u = (time - time.mean()) / max(float(np.ptp(time)), 1e-300)
-    columns = np.column_stack((np.ones_like(u), u, u**2))
-    left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-    return math.sqrt(float(left @ left) / max(values.size - 3, 1))

@@ -13,6 +13,8 @@ import numpy as np
 from scipy import signal as scipy_signal
 
 from pzt_ros.diagnosis.data import FIT, RunData
+from pzt_ros.diagnosis.floor import scatters_in_holds
+from pzt_ros.diagnosis.lines import FEWEST, strongest
 from pzt_ros.physics.signals import Array
 
 _signal: Any = scipy_signal  # SciPy carries no types
@@ -31,7 +33,7 @@ class Remains:
     Attributes:
         rms: over all parts [m].
         times_noise: rms over the noise floor.
-        slow: rms of means over 50 ms, in units of what white noise would leave of them.
+        slow: rms of means over 50 ms, in units of what the noise leaves of them.
         present: whether it is more than the noise.
         what_is_seen: in words.
     """
@@ -51,7 +53,7 @@ def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float
         floor: rms over noise from which something is left.
         slow_floor: the same for slow means.
     """
-    centred = [_centred(run, r) for run, r in zip(runs, residuals, strict=True)]
+    centred = [np.where(run.clear, _centred(run, r), 0.0) for run, r in zip(runs, residuals, strict=True)]
     rms = math.sqrt(float(np.mean(np.concatenate(centred) ** 2)))
     ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, centred, strict=True)]
     slow = [_slow_ratio(run, r) for run, r in zip(runs, centred, strict=True)]
@@ -70,12 +72,26 @@ def _slow_ratio(run: RunData, residual: Array) -> float:
     """See Remains.slow; 0 where it is too small to matter, however sure."""
     step = float(np.median(np.diff(run.record.time)))
     length = max(round(_MEAN_TIME / step), 4)
-    count = residual.size // length
-    if count < 8:
+    if residual.size < 8 * length:
         return 0.0
-    means = residual[: count * length].reshape(count, length).mean(axis=1)
-    rms = math.sqrt(float(np.mean(means**2))) / run.noise
-    return rms * math.sqrt(length) if rms > _LEAST_SLOW else 0.0
+    rms = float(np.sqrt(np.mean(_means(residual, length) ** 2)))
+    return rms / _slow_noise(run, length) if rms > _LEAST_SLOW * run.noise else 0.0
+
+
+def _slow_noise(run: RunData, length: int) -> float:
+    """Rms of means of the noise [m]: as holds show it, and at least what white noise would leave."""
+    white = run.noise / math.sqrt(length)
+    scatters = [scatter for scatter in scatters_in_holds(run.record) if scatter.size >= 2 * length]
+    if not scatters:
+        return white
+    return max(white, float(np.sqrt(np.mean(np.concatenate([_means(s, length) for s in scatters]) ** 2))))
+
+
+def _means(values: Array, length: int) -> Array:
+    """Of pieces of so many samples; what does not fill one at the end is left out."""
+    count = values.size // length
+    means: Array = values[: count * length].reshape(count, length).mean(axis=1)
+    return means
 
 
 def _described(runs: Sequence[RunData], residuals: Sequence[Array], ratios: Sequence[float]) -> str:
@@ -132,13 +148,10 @@ def _band(run: RunData, residual: Array) -> str:
 
 def _line(run: RunData, residual: Array) -> str:
     frequency, power = _spectrum(run, residual)
-    if frequency.size < 32:
+    if frequency.size < FEWEST:
         return ""
-    around = _signal.medfilt(power, 31)
-    ratio = power / np.maximum(around, 1e-300)
-    ratio[:4] = 0.0
-    peak = int(np.argmax(ratio))
-    return f"a line at {frequency[peak]:.4g} Hz" if ratio[peak] > _LINE else ""
+    peak, ratio = strongest(power)
+    return f"a line at {frequency[peak]:.4g} Hz" if ratio > _LINE else ""
 
 
 def _goes_with(run: RunData, residual: Array) -> str:

@@ -123,15 +123,15 @@ class Search:
         effects: that may be named.
         progress: is told what is being tried.
         workers: refit the candidates.
-        origin: the base before its fit. A base fitted without an effect bends to make up for it, sometimes so far that
-            no refit finds its way back; where that may be, candidates are refitted from here, too.
+        origins: the base in other places. A base fitted without an effect bends to make up for it, sometimes so far
+            that no refit finds its way back; where that may be, candidates are refitted from these, too.
     """
 
     thresholds: Thresholds = field(default_factory=Thresholds)
     effects: Sequence[Effect] = EFFECTS
     progress: Callable[[str], None] = lambda text: None
     workers: Workers = IN_THIS_PROCESS
-    origin: Hypothesis | None = None
+    origins: Sequence[Hypothesis] = ()
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -153,8 +153,9 @@ class Search:
         """One round: screen, refit, judge."""
         further = self.thresholds.further_promise if before.effects else 0.0
         candidates, refused = self._candidates(before, before, before.total - further * _excess(before))
-        if self.origin and not before.effects and not any(self.at_floor(h) for h in (before, *_afters(candidates))):
-            candidates = _best_of_each((*candidates, *self._candidates(before, self.origin)[0]))
+        for origin in () if before.effects else self.origins:
+            if not any(self.at_floor(h) for h in (before, *_afters(candidates))):
+                candidates = _best_of_each((*candidates, *self._candidates(before, origin)[0]))
         sound = [c for c in candidates if self._is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
@@ -235,7 +236,7 @@ class Search:
         self.progress(f"refitting with {', '.join(names)}" + _beside(before.effects))
         afters = self.workers.map(_fitted, prospects, repeat(before.effects))
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
-        rivals = [candidate for candidate in found if _rivals_best(candidate, found)]
+        rivals = _rivals(found)
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(_finished, [candidate.after for candidate in rivals], unfinished)
         better = {rival.name: after for rival, after in zip(rivals, exacts, strict=True)}
@@ -304,11 +305,18 @@ def _left(prospect: Prospect) -> float:
     return prospect.total
 
 
-def _rivals_best(candidate: Candidate, found: Sequence[Candidate]) -> bool:
-    """Whether it gains so much of what the best gains that a ceramic that is exact could put it first."""
-    before = candidate.before.total
-    most = max(before - other.after.total for other in found)
-    return before - candidate.after.total >= _RIVAL * most
+def _rivals(found: Sequence[Candidate]) -> list[Candidate]:
+    """Those that gain so much of what the best gains that a ceramic that is exact could put them first.
+
+    What chooses is not asked alone: an approximation that fails there would hide all.
+    """
+    fitted = [candidate.before.fit.total - candidate.after.fit.total for candidate in found]
+    both = [candidate.before.total - candidate.after.total for candidate in found]
+    return [
+        candidate
+        for candidate, here, there in zip(found, fitted, both, strict=True)
+        if here >= _RIVAL * max(0.0, *fitted) or there >= _RIVAL * max(0.0, *both)
+    ]
 
 
 def _fitted(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:

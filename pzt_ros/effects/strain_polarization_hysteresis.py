@@ -8,17 +8,20 @@ from typing import ClassVar
 import numpy as np
 
 from pzt_ros.physics.link import ACTUATOR, Link, State
-from pzt_ros.physics.signals import Rest, Signals
-from pzt_ros.physics.strain_hysteresis import STATE_SIZE, lead, unlead
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.strain_hysteresis import begun, lead, stops, unlead
 from pzt_ros.quantities import parameter
+
+_WIDTHS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrainPolarizationHysteresis(Link):
-    """The polarization that strains is ahead of P after each turn: P + delta s, s the stop operator of P.
+    """The polarization that strains is ahead of P after each turn: P + delta s, s the mean of stop operators of P.
 
-    The same physics as `strain_hysteresis`, before whatever strain law the chain has: the link sets the polarization
-    that strains and leaves the polarization itself, which is what charge measures, alone.
+    Not all domains of a polycrystal turn as wide: the stops have the widths w e^-g_1, w and w e^g_2. The physics is
+    that of `strain_hysteresis`, before whatever strain law the chain has: the link sets the polarization that strains
+    and leaves the polarization itself, which is what charge measures, alone.
     """
 
     kind: ClassVar[str] = "strain_polarization_hysteresis"
@@ -30,10 +33,16 @@ class StrainPolarizationHysteresis(Link):
     turn_width: float = parameter(
         0.05, "C/m^2", "change of P after a turn until strain is ahead again", symbol="w", bounds=(1e-6, 10.0)
     )
+    spread_below: float = parameter(
+        0.0, "1", "logarithm of the middle width over the narrowest", symbol="g_1", bounds=(0.0, 2.0)
+    )
+    spread_above: float = parameter(
+        0.0, "1", "logarithm of the widest width over the middle one", symbol="g_2", bounds=(0.0, 2.0)
+    )
 
     def init(self, rest: Rest) -> State:
-        """Whether a sample was seen, the last P [C/m^2], and how far the turn has come, from -w/2 to w/2 [C/m^2]."""
-        return np.zeros(STATE_SIZE)
+        """See `begun`."""
+        return begun(_WIDTHS)
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization to the polarization that strains."""
@@ -48,6 +57,6 @@ class StrainPolarizationHysteresis(Link):
         return after, signals.replace(polarization=polarization)
 
     @property
-    def _shape(self) -> tuple[float, float]:
-        """How much strain leads per turn [-], and how far a turn goes [C/m^2]."""
-        return 2.0 * self.polarization_lead / self.turn_width, 0.5 * self.turn_width
+    def _shape(self) -> tuple[Array, Array]:
+        spreads = np.array([-self.spread_below, 0.0, self.spread_above])
+        return stops(self.polarization_lead, self.turn_width * np.exp(spreads))

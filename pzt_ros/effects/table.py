@@ -24,6 +24,8 @@ from pzt_ros.effects.thermal_drift import ThermalDrift
 _MODES = tuple(25.0 * 1.25**step for step in range(24))
 """Frequencies to look for a mode at [Hz], up to 4 kHz: at this damping one answers within a quarter of itself."""
 
+_TONES = ("sine", "cosine", "second_sine", "second_cosine", "third_sine", "third_cosine")
+
 
 def _starts(**values: tuple[float, ...]) -> tuple[dict[str, float], ...]:
     """One start for each row of the table whose columns are given."""
@@ -92,8 +94,11 @@ EFFECTS: tuple[Effect, ...] = (
         link=StrainPolarizationHysteresis,
         place=AT_POLARIZATION,
         amplitude="polarization_lead",
-        starts=_grid(polarization_lead=(1e-4,), turn_width=(0.003, 0.01, 0.03, 0.1, 0.3)),
-        free=("polarization_lead", "turn_width"),
+        starts=tuple(
+            {"polarization_lead": 1e-4, "turn_width": width, "spread_below": 0.3, "spread_above": 0.3}
+            for width in (0.003, 0.01, 0.03, 0.1, 0.3)
+        ),
+        free=("polarization_lead", "turn_width", "spread_below", "spread_above"),
         absence="a loop of displacement over polarization that does not depend on the rate",
         next_experiment="bipolar loops at two rates with polarization recorded: strain over P shows the loop",
     ),
@@ -173,10 +178,10 @@ EFFECTS: tuple[Effect, ...] = (
         link=MainsHum,
         place=AT_SENSOR,
         amplitude="sine",
-        starts=_grid(sine=(1e-10,), frequency=(50.0, 60.0, 100.0, 120.0)),
-        free=("detuning", "sine", "cosine"),
-        per_run=("sine", "cosine"),
-        linear=("sine", "cosine"),
+        starts=_grid(sine=(1e-10,), frequency=(50.0, 60.0)),
+        free=("detuning", *_TONES),
+        per_run=_TONES,
+        linear=_TONES,
         absence="a line in the spectrum at the frequency of the mains, in rest as well",
         next_experiment="a rest at constant voltage: the line stays, and moves with the mains",
     ),

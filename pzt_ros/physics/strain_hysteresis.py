@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,7 +13,7 @@ from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
-_SEEN, _POLARIZATION, _TURN, STATE_SIZE = 0, 1, 2, 3
+_SEEN, _POLARIZATION, _TURNS = 0, 1, 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +41,8 @@ class StrainHysteresis(Link):
     )
 
     def init(self, rest: Rest) -> State:
-        """Whether a sample was seen, the last P [C/m^2], and how far the turn has come, from -w/2 to w/2 [C/m^2]."""
-        return np.zeros(STATE_SIZE)
+        """See `begun`."""
+        return begun(1)
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization to displacement."""
@@ -58,28 +59,63 @@ class StrainHysteresis(Link):
         return after, signals.replace(polarization=polarization, strain_polarization=polarization)
 
     @property
-    def _shape(self) -> tuple[float, float]:
-        """How much strain leads per turn [-], and how far a turn goes [C/m^2]."""
-        return 2.0 * self.polarization_lead / self.turn_width, 0.5 * self.turn_width
+    def _shape(self) -> tuple[Array, Array]:
+        return stops(self.polarization_lead, np.array([self.turn_width]))
+
+
+def begun(count: int) -> State:
+    """Whether a sample was seen, the last P [C/m^2], and of each turn width how far the turn has come [C/m^2]."""
+    return np.zeros(_TURNS + count)
+
+
+def stops(polarization_lead: float, widths: Array) -> tuple[Array, Array]:
+    """How much strain leads per turn [-] and how far a turn goes to both sides [C/m^2], for each of some widths."""
+    return 2.0 * polarization_lead / (widths * widths.size), 0.5 * widths
 
 
 @njit(cache=True)
-def lead(state: Array, polarization: Array, leading: Array, gain: float, most: float) -> None:
-    """The polarization that is ahead by `gain` times how far a turn has come, at the `most` that far [C/m^2]."""
+def lead(state: Array, polarization: Array, leading: Array, gains: Array, most: Array) -> None:
+    """The polarization that is ahead by `gains` times how far the turns have come, at the `most` that far [C/m^2]."""
     for k in range(polarization.size):
         change = polarization[k] - state[_POLARIZATION] if state[_SEEN] else 0.0
-        state[_TURN] = min(max(state[_TURN] + change, -most), most)
         state[_SEEN], state[_POLARIZATION] = 1.0, polarization[k]
-        leading[k] = polarization[k] + gain * state[_TURN]
+        leading[k] = polarization[k]
+        for i in range(most.size):
+            state[_TURNS + i] = min(max(state[_TURNS + i] + change, -most[i]), most[i])
+            leading[k] += gains[i] * state[_TURNS + i]
 
 
 @njit(cache=True)
-def unlead(state: Array, leading: Array, polarization: Array, gain: float, most: float) -> None:
-    """The exact inverse: within a turn the leading polarization moves by 1 + gain, beyond it as P does."""
+def _change(turns: Array, wanted: float, gains: Array, most: Array) -> float:
+    """By how much P changes so that the leading polarization changes by as much as wanted.
+
+    From turn to turn that ends on the way, the leading polarization goes straight: 1 + the gains of those that go on.
+    """
+    sign = 1.0 if wanted >= 0.0 else -1.0
+    left, change = abs(wanted), 0.0
+    while True:
+        slope, room = 1.0, math.inf
+        for i in range(most.size):
+            ahead = most[i] - sign * turns[i] - change
+            if ahead > 0.0:
+                slope += gains[i]
+                room = min(room, ahead)
+        if left <= slope * room:
+            return float(sign * (change + left / slope))
+        change += room
+        left -= slope * room
+
+
+@njit(cache=True)
+def unlead(state: Array, leading: Array, polarization: Array, gains: Array, most: Array) -> None:
+    """The exact inverse of `lead`."""
+    turns = state[_TURNS:]
     for k in range(leading.size):
         change = 0.0
         if state[_SEEN]:
-            change = (leading[k] - state[_POLARIZATION] - gain * state[_TURN]) / (1.0 + gain)
-        state[_TURN] = min(max(state[_TURN] + change, -most), most)
-        polarization[k] = leading[k] - gain * state[_TURN]
+            change = _change(turns, leading[k] - state[_POLARIZATION] - np.sum(gains * turns), gains, most)
+        polarization[k] = leading[k]
+        for i in range(most.size):
+            turns[i] = min(max(turns[i] + change, -most[i]), most[i])
+            polarization[k] -= gains[i] * turns[i]
         state[_SEEN], state[_POLARIZATION] = 1.0, polarization[k]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,14 +58,24 @@ def noise_floor(displacement: Array) -> NoiseFloor:
 
 
 def _third_difference(values: Array) -> float:
-    """Of the third differences the spread of those that are no outliers.
+    return spread_of([values]) if values.size >= 8 else 0.0
 
-    The median finds the scale whatever the outliers are; the squares within three of it, which do not mind the steps of
-    a quantised reading, say it to a third of the median's scatter.
+
+def spread_of(stretches: Sequence[Array], parts: int | None = None) -> float:
+    """Noise of stretches of a measurement: spread of third differences over sqrt 20; 0 without any.
+
+    Of the third differences those count that are no outliers: the median finds the scale whatever the outliers are; the
+    squares within three of it, which do not mind the steps of a quantised reading, say it to a third of the median's
+    scatter.
+
+    Args:
+        stretches: of values, each shape (n,).
+        parts: the samples of a difference lie so many-th of a stretch apart, so that it sees noise as slow as that;
+            None for neighbours.
     """
-    if values.size < 8:
+    if not stretches:
         return 0.0
-    sizes = np.abs(np.diff(values, n=3))
+    sizes = np.abs(np.concatenate([_differences(s, s.size // parts if parts else 1) for s in stretches]))
     scale = float(_NORMAL * np.median(sizes))
     for _ in range(_TRIMS):
         kept = sizes[sizes <= _TRIM * scale]
@@ -72,3 +83,11 @@ def _third_difference(values: Array) -> float:
             break
         scale = math.sqrt(float(np.mean(kept**2)) / _LEFT)
     return scale / _THIRD_DIFFERENCE
+
+
+def _differences(values: Array, stride: int) -> Array:
+    """Third differences of samples so far apart."""
+    length = values.size - 3 * stride
+    samples = [values[k * stride : k * stride + length] for k in range(4)]
+    found: Array = samples[3] - 3.0 * samples[2] + 3.0 * samples[1] - samples[0]
+    return found

@@ -87,7 +87,7 @@ def test_declaration_makes_sense(effect: Effect) -> None:
     assert set(effect.needs) <= set(KNOWN_COLUMNS)
     assert effect.absence
     assert effect.next_experiment
-    assert 3 <= len(effect.starts) <= 24
+    assert 2 <= len(effect.starts) <= 24
     assert effect.reported in EFFECT_OF
     assert getattr(effect.link(), effect.amplitude) == 0.0
 

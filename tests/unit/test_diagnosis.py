@@ -19,7 +19,7 @@ from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
 from pzt_ros.diagnosis.flexible import FlexibleHysteresis
-from pzt_ros.diagnosis.floor import displacement_floor
+from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Screen
@@ -263,7 +263,7 @@ def test_floor_sees_coloured_noise_in_holds() -> None:
     for noise in (white, coloured):
         y = 1e-7 * voltage + NOISE * noise
         record = Record("hold", {"time_s": time, "voltage_V": voltage, "displacement_m": y})
-        assert displacement_floor(record) == pytest.approx(NOISE, rel=0.15)
+        assert displacement_floors([record])[0] == pytest.approx(NOISE, rel=0.15)
 
 
 def test_remains_name_time_and_line() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -128,14 +129,29 @@ def test_hysteresis_before_electrostriction_is_the_strain_hysteresis_link() -> N
     pair = Chain("pair", (StrainPolarizationHysteresis(**shape), Electrostriction()))
     _, out = pair.step(pair.init(Rest()), of_polarization(polarization))
     one = stepped(StrainHysteresis(**shape), of_polarization(polarization))
-    np.testing.assert_array_equal(out.displacement, one.displacement)
+    np.testing.assert_allclose(out.displacement, one.displacement, rtol=0, atol=1e-19)
     np.testing.assert_array_equal(out.polarization, polarization)  # what charge measures
 
 
+def test_hysteresis_of_several_widths_is_the_mean_of_one_each() -> None:
+    polarization = triangle(0.1, 0.3, -0.3, 0.1, -0.2, 0.3)
+    spread = StrainPolarizationHysteresis(polarization_lead=0.03, turn_width=0.08, spread_below=0.9, spread_above=0.6)
+    of_one = [
+        stepped(StrainPolarizationHysteresis(polarization_lead=0.03, turn_width=width), of_polarization(polarization))
+        for width in (0.08 * math.exp(-0.9), 0.08, 0.08 * math.exp(0.6))
+    ]
+    found = stepped(spread, of_polarization(polarization)).straining
+    np.testing.assert_allclose(found, np.mean([out.straining for out in of_one], axis=0), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.6, 2.0])
 @pytest.mark.parametrize("strain", [Electrostriction(), StrainLaw(linear=2e-6, cubic=4e-5)])
-def test_inverse_of_the_pair_gives_the_polarization_back(strain: Link) -> None:
-    pair = Chain("pair", (StrainPolarizationHysteresis(polarization_lead=0.02), strain))
-    polarization = triangle(0.1, 0.3, 0.05, 0.25)
+def test_inverse_of_the_pair_gives_the_polarization_back(strain: Link, spread: float) -> None:
+    link = StrainPolarizationHysteresis(
+        polarization_lead=0.02, turn_width=0.05, spread_below=spread, spread_above=0.5 * spread
+    )
+    pair = Chain("pair", (link, strain))
+    polarization = triangle(0.1, 0.3, 0.05, 0.25, 0.22, 0.24, 0.1)
     _, out = pair.step(pair.init(Rest()), of_polarization(polarization))
     _, back = pair.invert(pair.init(Rest()), Signals(out.time, displacement=out.displacement))
     np.testing.assert_allclose(back.polarization, polarization, rtol=0, atol=1e-13)

@@ -52,6 +52,15 @@ def test_hum_is_one_line_of_the_spectrum() -> None:
     assert np.sum(np.abs(lines) ** 2) == pytest.approx(25e-18, rel=1e-6)
 
 
+def test_harmonics_of_hum_keep_to_its_frequency() -> None:
+    time = np.arange(10_000) * 1e-3
+    link = MainsHum(frequency=50.0, detuning=0.3, sine=1e-9, second_sine=2e-9, second_cosine=-1e-9, third_cosine=5e-9)
+    lines = np.fft.rfft(read(link, resting(time)) - 3e-6) / 5000.0
+    expected = {503: -1e-9j, 1006: -1e-9 - 2e-9j, 1509: 5e-9}
+    np.testing.assert_allclose(lines[list(expected)], list(expected.values()), rtol=0, atol=1e-15)
+    assert np.sum(np.abs(lines) ** 2) == pytest.approx(31e-18, rel=1e-6)
+
+
 def test_sensor_curve_is_off_by_its_amplitude_at_the_end_of_the_range() -> None:
     end = Signals(np.array([0.0, 1.0]), displacement=np.array([1e-5, -1e-5]))
     quadratic = read(SensorNonlinearity(amplitude=0.01, mix=0.0, range=1e-5), end)
