@@ -279,6 +279,12 @@ a problem of one's own is a YAML file like those in `msgs_config/problems`. Ever
 Limits: window of the field, slew rate, current (the mean one of an interval), and weights on the field's rate and on the
 end. After every solver the ceramic itself is driven with the field that was found; `pzt optimal` shows both costs.
 
+In the control loop (`receding_horizon`) each tick is answered at once, by the exact inverse where no limit is active,
+else by real-time iterations that start from a plan solved in the background since the last tick; that plan looks some
+blocks ahead. Where there is none (late, infeasible, no number), the answer is the plan before it as far as it reaches,
+then the inverse within its limits, then the last voltage, and after `hold_time` a ramp to 0 V; /diagnostics says which.
+In lock-step the tick waits for the background, so that a run repeats to the bit; `patience` ends the wait.
+
 """  # noqa: E501 - rows of a table
     pictures = [
         f"![{case} {name.replace('-', ' ')}](images/optimal/{case}-{name}.png)"

@@ -1,4 +1,4 @@
-"""The picture of the tracking benchmark."""
+"""The pictures of the tracking benchmark."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot as plt
 
+from pzt_benchmarks.full_plant import PUBLISHED, Followed
 from pzt_benchmarks.tracking_rig import RATE, STROKE, Tracked
 from pzt_ros.report.style import Theme
 
@@ -15,7 +16,7 @@ COLOURS = {
     "linear open loop": "open_loop",
     "best PI": "pi",
     "inverse alone, front": "inverse",
-    "observer-based, front": "inverse_pi",
+    "observer-based, lattice": "inverse_pi",
 }
 """The runs that are shown, and whose colour they have."""
 
@@ -28,7 +29,7 @@ def draw(shown: Mapping[str, Tracked], learned: Sequence[np.ndarray], theme: The
             1, 3, figsize=(11.5, 4.2), gridspec_kw={"width_ratios": [0.8, 1.3, 1.0]}, layout="constrained"
         )
         last = slice(-count, None)
-        best = shown["observer-based, front"]
+        best = shown["observer-based, lattice"]
         loop.plot(best.voltage[last], 1e6 * best.truth[last], color=theme.ink, linewidth=1.0)
         loop.set(title="The stage at 10 Hz", xlabel="voltage, V", ylabel="displacement, um")
         time = 1e3 * np.arange(1, count + 1) / RATE
@@ -49,5 +50,41 @@ def draw(shown: Mapping[str, Tracked], learned: Sequence[np.ndarray], theme: The
         )  # fmt: skip
         cycles.set(title="Learning control, wrong model", xlabel="cycles learned from", ylabel="rms error, %")
         cycles.set_ylim(0.02, 5.0)
+        figure.savefig(path, dpi=160)
+        plt.close(figure)
+
+
+FULL_COLOURS = {"linear open loop": "open_loop", "inverse": "inverse", "observer-based": "inverse_pi"}
+
+
+def draw_full(runs: Sequence[Followed], theme: Theme, path: Path) -> None:
+    """Two panels: rms error over frequency beside the published one, and the error over a cycle at the fastest."""
+    with plt.rc_context(theme.settings()):
+        figure, (over, cycle) = plt.subplots(
+            1, 2, figsize=(11.5, 4.2), gridspec_kw={"width_ratios": [1.2, 1.0]}, layout="constrained"
+        )
+        for run in runs:
+            colour = theme.colour(FULL_COLOURS[run.name])
+            over.loglog(list(run.rms), list(run.rms.values()), "o-", color=colour, markersize=5, label=run.name)
+        over.loglog(list(PUBLISHED), list(PUBLISHED.values()), "D", color=theme.ink, markersize=6)
+        first = next(iter(PUBLISHED))
+        over.annotate(
+            "published experiment,\ninversion feed-forward", (first, PUBLISHED[first]), xytext=(0, 9),
+            textcoords="offset points", color=theme.muted, fontsize=9,
+        )  # fmt: skip
+        over.set(title="Full plant, identified model", xlabel="frequency, Hz", ylabel="rms error, % of stroke")
+        over.set_xticks(list(PUBLISHED), [f"{f:g}" for f in PUBLISHED])
+        over.minorticks_off()
+        over.set_yticks([0.1, 1.0, 10.0], ["0.1", "1", "10"])
+        over.set_ylim(0.03, 100.0)
+        over.legend(loc="upper right", bbox_to_anchor=(1.0, 0.8))
+        fastest = max(runs[0].cycle)
+        for run in runs[1:]:
+            error = run.cycle[fastest]
+            time = 1e3 * np.arange(1, error.size + 1) / RATE
+            cycle.plot(time, error, color=theme.colour(FULL_COLOURS[run.name]), linewidth=1.2, label=run.name)
+        cycle.set(title=f"Error over a cycle at {fastest:g} Hz", xlabel="time, ms", ylabel="error, % of stroke")
+        cycle.legend(loc="best")
+        figure.suptitle("SIMULATED", x=0.995, ha="right", fontsize=8.5, color=theme.muted)
         figure.savefig(path, dpi=160)
         plt.close(figure)

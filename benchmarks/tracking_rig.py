@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time as clock
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,8 @@ SENSOR = DisplacementSensor(noise_rms=30e-9, resolution=0.1e-6)
 WRONG = {"coercive_field": 0.525e6, "coercive_field_spread": 5.5e11, "interaction_field_spread": 4.5e11}
 """E_c + 5 %, b1 + 10 %, b2 - 10 %."""
 
+QUIET = dataclasses.replace(SENSOR, noise_rms=0.0, resolution=0.0)
+
 
 def stage(ceramic: Link, name: str) -> Chain:
     """A ceramic that moves."""
@@ -48,9 +51,10 @@ def stage(ceramic: Link, name: str) -> Chain:
 
 PLANT = stage(Lattice(spacing=0.9, method="midpoint"), "quadrature")
 FRONT = stage(Front(), "front")
-LATTICE = stage(Lattice(spacing=0.7, method="midpoint"), "lattice")
+LATTICE = stage(Lattice(spacing=0.8, method="midpoint", accuracy=1e-3), "lattice")
 WRONG_FRONT = stage(Front(**WRONG), "front, wrong parameters")
-WRONG_LATTICE = stage(Lattice(spacing=0.7, method="midpoint", **WRONG), "lattice, wrong parameters")
+WRONG_LATTICE = stage(Lattice(spacing=0.8, method="midpoint", accuracy=1e-3, **WRONG), "lattice, wrong parameters")
+DIRECT = Chain("no amplifier", ())
 
 
 def triangle(frequency: float, cycles: float) -> Array:
@@ -93,6 +97,7 @@ class Rig:
         model: what it believes in.
         observer: None: the controller has the measurement in place of an estimate.
         plant: the stage.
+        amplifier: that drives it.
         sensor: on it.
         seed: of the sensor's noise.
     """
@@ -101,11 +106,16 @@ class Rig:
     model: Chain = FRONT
     observer: Observer | None = None
     plant: Chain = PLANT
-    sensor: DisplacementSensor = field(default_factory=lambda: SENSOR)
+    amplifier: Chain | Link = DIRECT
+    sensor: Chain | Link = field(default_factory=lambda: SENSOR)
     seed: int = 3
 
     def run(self, frequency: float, cycles: float) -> Tracked:
         """Pole, move to the triangle, wait, and follow it."""
+        return self.follow(triangle(frequency, cycles))
+
+    def follow(self, scan: Array) -> Tracked:
+        """Pole, move to where a scan ends, wait, and follow it [m, shape (n,)]."""
         rest = Rest(seed=self.seed)
         loop = ControlLoop(
             self.model, {self.controller.kind: self.controller}, rest, active=self.controller.kind, bounds=BOUNDS
@@ -113,13 +123,13 @@ class Rig:
         world = _World(self, rest)
         time, voltage = _poling()
         feedback = world.step(time, voltage)
-        loop.follow(time, voltage)
+        loop.follow(time, feedback.voltage)
         last = slice(-1, None)
-        feedback = Feedback(time[last], voltage[last], feedback.measurement[last], feedback.estimate[last])
+        feedback = Feedback(time[last], feedback.voltage[last], feedback.measurement[last], feedback.estimate[last])
         here, count = float(world.truth[-1]), round(MOVE * RATE)
         part = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, count + 1) / count))
-        approach = np.concatenate((here + (LOW - here) * part, np.full(round(SETTLE * RATE), LOW)))
-        reference = np.concatenate((approach, triangle(frequency, cycles)))
+        approach = np.concatenate((here + (scan[-1] - here) * part, np.full(round(SETTLE * RATE), scan[-1])))
+        reference = np.concatenate((approach, scan))
         truth, voltages, took = (np.empty(reference.size) for _ in range(3))
         for k in range(reference.size):
             now = np.array([time[-1] + (k + 1) / RATE])
@@ -129,23 +139,27 @@ class Rig:
             feedback = world.step(now, voltage)
             took[k] += world.observing
             truth[k], voltages[k] = world.truth[0], voltage[0]
-        scan = slice(approach.size, None)
-        return Tracked(reference[scan], truth[scan], voltages[scan], float(np.median(took)))
+        part_of_scan = slice(approach.size, None)
+        return Tracked(reference[part_of_scan], truth[part_of_scan], voltages[part_of_scan], float(np.median(took)))
 
 
 class _World:
-    """Stage, sensor and observer; remembers what was true in the last block, and what the observer took [s]."""
+    """Amplifier, stage, sensor and observer; remembers what was true in the last block, and the observer's time [s]."""
 
     def __init__(self, rig: Rig, rest: Rest) -> None:
         self.rig = rig
+        self._amplifier: Any = rig.amplifier.init(rest)
         self._stage, self._sensor = rig.plant.init(rest), rig.sensor.init(rest)
         self._observer = rig.observer.init(rig.model, rest) if rig.observer else None
         self.truth = np.zeros(1)
         self.observing = 0.0
 
     def step(self, time: Array, voltage: Array) -> Feedback:
+        """What a block of command voltage [V] comes to."""
         rig = self.rig
-        self._stage, out = rig.plant.step(self._stage, Signals(time, voltage))
+        self._amplifier, driven = rig.amplifier.step(self._amplifier, Signals(time, voltage))
+        voltage = driven.voltage
+        self._stage, out = rig.plant.step(self._stage, driven)
         self._sensor, seen = rig.sensor.step(self._sensor, out)
         self.truth = out.displacement
         if rig.observer is None:
@@ -171,7 +185,6 @@ def loop_of(model: Chain, frequency: float) -> tuple[Array, Array]:
     """Voltage [V] and displacement [m] of a cycle of the triangle that the model itself follows exactly."""
     from pzt_ros.controllers.inverse import Inverse
 
-    quiet = dataclasses.replace(SENSOR, noise_rms=0.0, resolution=0.0)
-    run = Rig(Inverse(), model, plant=model, sensor=quiet).run(frequency, 2.0)
+    run = Rig(Inverse(), model, plant=model, sensor=QUIET).run(frequency, 2.0)
     cycle = slice(round(RATE / frequency), None)
     return run.voltage[cycle], run.truth[cycle]

@@ -23,9 +23,10 @@ class Feedback:
         voltage: applied across the ceramic [V, shape (n,)].
         measurement: displacement [m, shape (n,)].
         estimate: displacement as the observer has it [m, shape (n,)].
-        reference: displacement that was asked of it [m, shape (n,)]; None if it was driven by voltage.
+        reference: displacement that was asked of it, as the model's sensor reads it [m, shape (n,)]; None if it was
+            driven by voltage.
         model: state of the model chain at the end of that block.
-        predicted: displacement as the model has it by itself [m, shape (n,)]; empty where nobody ran it.
+        predicted: reading as the model has it by itself [m, shape (n,)]; empty where nobody ran it.
         cut: what the bounds took from the last voltage that was asked for [V]; positive if that was too high.
         bounds: what may be asked for.
 
@@ -58,6 +59,10 @@ class Controller(ABC):
     @abstractmethod
     def step(self, model: Chain, state: Any, time: Array, reference: Array, feedback: Feedback) -> tuple[Any, Array]:
         """The voltage across the ceramic [V, shape (n,)] for a block of displacement reference [m] at `time` [s]."""
+
+    def health(self, state: Any) -> dict[str, str]:
+        """What an operator may want to know, by name; nothing by default."""
+        return {}
 
 
 def model_offset(model: Chain, feedback: Feedback) -> float:

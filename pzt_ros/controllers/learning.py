@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pzt_ros.controllers.broken_line import corners, line_through
 from pzt_ros.controllers.controller import Controller, Feedback, fade, model_offset, tracking_error
 from pzt_ros.controllers.inverse import inverse_voltage
 from pzt_ros.controllers.pi import sample_period
@@ -23,11 +23,11 @@ BLEND = 0.05
 MOST = 20_000
 """Places in a period: a scan of 1 Hz at 20 kHz has one for each sample, slower ones one for several."""
 
-WIDE = 10.0
-"""The wide window over the narrow one."""
+FINE, SLOW = 1.0 / 20.0, 1.0 / 6.0
+"""Of a period: widest distance of the corners of the correction, and of those of its slow part."""
 
-SURE = 5.0
-"""Times the median power: what is below counts as noise."""
+FIRST_SLOW = 1.0 / 100.0
+"""Of a period: distance of the first corners of the slow part behind a turn."""
 
 SAME = 1e-3
 """Of its peak to peak, by which a reference may differ from the cycle before and still be the same scan."""
@@ -42,7 +42,8 @@ class Learned:
         asked: reference of the last cycle; NaN where there was none.
         used: correction in that cycle, as it was really added to the reference.
         error: tracking error of it.
-        now: correction that was learned last.
+        found: what the correction should have been, by the cycles so far, with the noise that is left in it.
+        now: correction in use: a broken line through that.
         cycles: how many cycles of this very scan have been learned from.
         weight: share of the correction that is in use [-].
         next: time of the first sample of the cycle that comes [s].
@@ -53,6 +54,7 @@ class Learned:
     asked: Array
     used: Array
     error: Array
+    found: Array
     now: Array
     cycles: int
     weight: float
@@ -63,10 +65,12 @@ class Learned:
 class Learning(Controller):
     """The inverse, and a correction of its reference that is learned from cycle to cycle of a periodic scan.
 
-    After a cycle the correction of each of its samples grows by a share of the error there, smoothed over neighbouring
-    samples (without phase, as the whole cycle is known). The share falls with the number of cycles, so that noise is
-    averaged. Where the reference is not that of the cycle before, there is no correction. Vendors call this dynamic
-    digital linearization; it is iterative learning control (Bristow et al. 2006) on the inverse of the model.
+    After a cycle it is known what the correction should have been at each sample: the one in use plus the error that
+    was left. The mean over the cycles of that, as a broken line, is the next correction. The mean takes the last cycle
+    in by shares that fall with their number, so that noise is averaged; for its slow part, which has little noise and
+    creeps with the stage, they fall less far. Where the reference is not that of the cycle before, there is no
+    correction. Vendors call this dynamic digital linearization; it is iterative learning control (Bristow et al. 2006)
+    on the inverse of the model.
     """
 
     kind: ClassVar[str] = "learning"
@@ -74,9 +78,10 @@ class Learning(Controller):
 
     period: float = parameter(0.1, "s", "of the scan", bounds=(1e-3, 1e3))
     gain: float = parameter(1.0, "1", "share of the error learned from the first cycle", bounds=(0.0, 2.0))
-    least_gain: float = parameter(0.3, "1", "share to which it falls, as 2/(cycles + 1)", bounds=(0.0, 2.0))
+    least_gain: float = parameter(0.2, "1", "share to which it falls, as 2/(cycles + 1)", bounds=(0.0, 2.0))
+    slow_gain: float = parameter(0.5, "1", "share to which it falls for the slow part", bounds=(0.0, 2.0))
     smoothing: float = parameter(
-        5e-5, "s", "standard deviation of the narrow window that smooths the error", bounds=(0.0, 10.0)
+        1e-4, "s", "distance of the first corners behind a turn; 0: every sample is one", bounds=(0.0, 10.0)
     )
     correction_limit: float = parameter(
         5e-6, "m", "the correction stays within plus and minus this", bounds=(0.0, 1e-3)
@@ -87,7 +92,7 @@ class Learning(Controller):
         """Nothing learned."""
         start, none = float(feedback.time[-1]), np.empty(0)
         jump = model_offset(model, feedback)
-        return Learned(jump, start, none, none, none, none, 0, 0.0, start + self.period)
+        return Learned(jump, start, none, none, none, none, none, 0, 0.0, start + self.period)
 
     def step(
         self, model: Chain, state: Learned, time: Array, reference: Array, feedback: Feedback
@@ -98,8 +103,8 @@ class Learning(Controller):
         if state.asked.size != size:
             nothing = np.zeros(size)
             state = dataclasses.replace(
-                state, asked=np.full(size, np.nan), used=nothing, error=nothing, now=nothing,
-                cycles=0, weight=0.0, next=float(feedback.time[-1]) + self.period,
+                state, asked=np.full(size, np.nan), used=nothing, error=nothing, found=nothing,
+                now=nothing, cycles=0, weight=0.0, next=float(feedback.time[-1]) + self.period,
             )  # fmt: skip
         state = self._listen(state, feedback)
         state, correction = self._correction(state, time, reference, step)
@@ -114,23 +119,28 @@ class Learning(Controller):
         noted[self._places(feedback.time, noted.size)] = error
         if feedback.time[-1] < state.next:
             return dataclasses.replace(state, error=noted)
-        now = state.used + self._share(state.cycles) * self._smoothed(noted)
-        now = np.clip(now, -self.correction_limit, self.correction_limit)
-        return dataclasses.replace(state, error=noted, now=now, cycles=state.cycles + 1, next=state.next + self.period)
+        found = state.found + self._learned(state, state.used + noted - state.found)
+        line = found
+        if self.smoothing > 0.0:
+            step = self.period / found.size
+            line = line_through(found, corners(state.asked, self.smoothing / step, FINE * found.size))
+        return dataclasses.replace(
+            state,
+            error=noted,
+            found=found,
+            now=np.clip(line, -self.correction_limit, self.correction_limit),
+            cycles=state.cycles + 1,
+            next=state.next + self.period,
+        )
 
-    def _share(self, cycles: int) -> float:
-        return max(self.gain * min(1.0, 2.0 / (cycles + 2)), min(self.least_gain, self.gain))
-
-    def _smoothed(self, error: Array) -> Array:
-        """The error without its noise [m, shape (n,)]: widely smoothed, but less where that takes more than noise.
-
-        The share of the finer part that is kept is Wiener's, 1 - noise/power, with the median power as the noise.
-        """
-        step = self.period / error.size
-        narrow, wide = _window(error, step, self.smoothing), _window(error, step, WIDE * self.smoothing)
-        power = _window((narrow - wide) ** 2, step, self.smoothing)
-        kept = np.clip(1.0 - SURE * np.median(power) / np.maximum(power, 1e-300), 0.0, 1.0)
-        return wide + kept * (narrow - wide)
+    def _learned(self, state: Learned, news: Array) -> Array:
+        """What the mean takes in of a cycle that says something else [m, shape (n,)]."""
+        share = self.gain * min(1.0, 2.0 / (state.cycles + 2))
+        fine, slow = max(share, min(self.least_gain, self.gain)), max(share, min(self.slow_gain, self.gain))
+        if slow <= fine:
+            return fine * news
+        few = corners(state.asked, FIRST_SLOW * news.size, SLOW * news.size)
+        return fine * news + (slow - fine) * line_through(news, few)
 
     def _correction(self, state: Learned, time: Array, reference: Array, step: float) -> tuple[Learned, Array]:
         """What is added to a block of reference [m], and the note of it."""
@@ -152,11 +162,3 @@ class Learning(Controller):
     def _places(self, time: Array, size: int) -> NDArray[np.int64]:
         """Where samples stand in the period [shape (n,)]."""
         return np.round(time * (size / self.period)).astype(np.int64) % size
-
-
-def _window(values: Array, step: float, width: float) -> Array:
-    """Values through a periodic Gaussian window of that standard deviation [s], as they are where it is 0."""
-    frequency = np.fft.rfftfreq(values.size, step)
-    window = np.exp(-0.5 * (2.0 * math.pi * frequency * width) ** 2)
-    smoothed: Array = np.fft.irfft(np.fft.rfft(values) * window, values.size)
-    return smoothed

@@ -11,11 +11,12 @@ import numpy as np
 
 from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Controller, Feedback, fade
+from pzt_ros.controllers.modelled import Modelled
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import AMPLIFIER
-from pzt_ros.physics.signals import ABSENT, REHEARSAL, Array, Rest, Signals
+from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 
 
@@ -41,7 +42,7 @@ class ControlLoop:
     ) -> None:
         self.controllers = dict(controllers)
         self.handover_time = handover_time
-        self._model = model.behind_amplifier
+        self._model = Modelled(model, rest)
         self._amplifier = model.section(AMPLIFIER)
         self._amplifier_state = self._amplifier.init(rest)
         self._gain = math.prod(link.gain for link in self._amplifier.links if isinstance(link, Amplifier))
@@ -49,9 +50,6 @@ class ControlLoop:
         self._command: float | None = None
         self._cut = 0.0
         self.limited = 0
-        self._model_state = self._model.init(rest)
-        self._predicted = ABSENT
-        self._followed = -math.inf
         self._source = VOLTAGE
         self._last: Reference | None = None
         self._state: Any = None
@@ -62,13 +60,14 @@ class ControlLoop:
     def warm_up(self) -> None:
         """Compile now what the first block of each controller would have to wait for; no state is changed."""
         zeros = np.zeros_like(REHEARSAL)
-        _, at_rest = self._model.step(self._model_state, Signals(REHEARSAL, zeros))
+        chain, rest = self._model.chain, self._model.state
+        _, at_rest = chain.step(rest, Signals(REHEARSAL, zeros))
         y = at_rest.displacement
-        feedback = Feedback(REHEARSAL, zeros, y, y, zeros, self._model_state, y)
+        feedback = Feedback(REHEARSAL, zeros, y, y, zeros, rest, y)
         self._bounds.keep(zeros, 0.0, REHEARSAL, 0.0)
         for controller in self.controllers.values():
-            state = controller.init(self._model, feedback)
-            controller.step(self._model, state, REHEARSAL, at_rest.displacement, feedback)
+            state = controller.init(chain, feedback)
+            controller.step(chain, state, REHEARSAL, at_rest.displacement, feedback)
 
     def select(self, name: str) -> None:
         """Give displacement references to another controller from the next block on.
@@ -84,15 +83,17 @@ class ControlLoop:
         """Put other gains into place; a controller in charge keeps its state."""
         self.controllers[controller.kind] = controller
 
+    def health(self) -> dict[str, str]:
+        """Which controller is in charge, and what it has to say."""
+        in_charge = self._source == self.active
+        return {"controller": self.active, **(self.controllers[self.active].health(self._state) if in_charge else {})}
+
     def follow(self, time: Array, voltage: Array) -> None:
         """Let the model follow a block of applied voltage [V], unless it has already.
 
         `step` sees to it; who has the block earlier may save the time.
         """
-        if time[-1] > self._followed:
-            self._model_state, signals = self._model.step(self._model_state, Signals(time, voltage))
-            self._predicted = signals.displacement
-            self._followed = float(time[-1])
+        self._model.follow(time, voltage)
 
     def step(self, reference: Reference, feedback: Feedback) -> Array:
         """The command voltage [V, shape (n,)] for the block that `reference` asks for.
@@ -102,12 +103,15 @@ class ControlLoop:
             feedback: the block before it, as applied and measured.
         """
         self.follow(feedback.time, feedback.voltage)
-        asked = self._last.values if self._last is not None and self._last.quantity == DISPLACEMENT else None
+        self._begin_anew_after_a_gap(reference, feedback)
+        asked = None
+        if self._last is not None and self._last.quantity == DISPLACEMENT:
+            asked = self._model.reading_of(self._last.time, self._last.values)
         feedback = dataclasses.replace(
             feedback,
             reference=asked,
-            model=self._model_state,
-            predicted=self._predicted,
+            model=self._model.state,
+            predicted=self._model.predicted,
             cut=self._cut,
             bounds=self._bounds,
         )
@@ -119,6 +123,13 @@ class ControlLoop:
             command = self._bounded(command, reference.time, feedback)
         self._command = float(command[-1])
         return command
+
+    def _begin_anew_after_a_gap(self, reference: Reference, feedback: Feedback) -> None:
+        """The block just measured was not asked for here: the stage was disabled meanwhile, and is elsewhere."""
+        period = reference.time[0] - feedback.time[-1]
+        if self._last is not None and feedback.time[-1] - self._last.time[-1] > 0.5 * period:
+            self._last, self._command, self._source = None, None, VOLTAGE
+            self._cut = self._jump = 0.0
 
     def _bounded(self, wanted: Array, time: Array, feedback: Feedback) -> Array:
         """The command [V] within the bounds, which are those of the stack; what they took is kept for the next step."""
@@ -140,9 +151,10 @@ class ControlLoop:
             controller = self.controllers[source]
             if changed:
                 self._cut, feedback = 0.0, dataclasses.replace(feedback, cut=0.0)
-                self._state = controller.init(self._model, feedback)
+                self._state = controller.init(self._model.chain, feedback)
             smooth = controller.takes_over_smoothly
-            self._state, wanted = controller.step(self._model, self._state, reference.time, reference.values, feedback)
+            chain, led = self._model.chain, self._model.led(reference.time, reference.values)
+            self._state, wanted = controller.step(chain, self._state, reference.time, led, feedback)
         if changed:
             self._source, self._since = source, float(feedback.time[-1])
             self._jump = 0.0 if smooth else float(feedback.voltage[-1] - wanted[0])

@@ -41,7 +41,7 @@ class ObserverInverse(Controller):
         return state, inverse_voltage(model, time, target, feedback)
 
     def _disturbance(self, feedback: Feedback) -> float:
-        """What the observer sees beyond the model now [m]."""
+        """What the observer sees beyond the model now, both as the sensor reads it [m]."""
         if feedback.predicted.size == 0:
             return 0.0
         beyond = float(feedback.estimate[-1] - feedback.predicted[-1])

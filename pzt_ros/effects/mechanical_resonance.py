@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -35,6 +36,10 @@ class MechanicalResonance(Link):
     damping_ratio: float = parameter(
         0.02, "1", "damping over critical; above a half nothing rings", symbol="D", bounds=(1e-4, 0.5)
     )
+
+    def prompt(self) -> MechanicalResonance:
+        """Without the mode."""
+        return dataclasses.replace(self, share=0.0) if self.share > 0.0 else self
 
     def init(self, rest: Rest) -> State:
         """Whether a sample was seen; time [s], input [m], last step [s], deflection [m] and velocity [m/s]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -35,6 +36,10 @@ class SensorLag(Link):
 
     lag: float = parameter(0.0, "s", "delay and time constant together", bounds=(0.0, 1.0))
     delay_share: float = parameter(1.0, "1", "part of it that is delay, the rest is bandwidth", bounds=(0.0, 1.0))
+
+    def prompt(self) -> SensorLag:
+        """Without lag and delay."""
+        return dataclasses.replace(self, lag=0.0) if self.lag > 0.0 else self
 
     @property
     def pure_delay(self) -> float:

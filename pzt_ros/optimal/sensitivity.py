@@ -193,43 +193,12 @@ class Sensitivity:
         return np.ascontiguousarray(np.vstack([first, *triangle]))
 
 
-class Family:
-    """Sensitivities at several initial states, of which an update takes the nearest.
-
-    A tenth of a percent of x+ moves the first fields by a good part of the thermal width, over which the rates change
-    by orders of magnitude: there a single expansion does not reach far. Each member has an active set of its own.
-
-    Args:
-        problem: to solve at every member.
-        reach: of the members around the problem's x+, as a share of it.
-        count: of members; odd, so that the problem itself is one.
-        order: of the updates.
-    """
-
-    def __init__(self, problem: Problem, reach: float = 0.01, count: int = 21, order: int = 2) -> None:
-        programme = collocation(problem)
-        ipopt, conditions = Ipopt(programme), Conditions(programme)
-        nominal = float(programme.parameters[0])
-        self._first, self._spacing = nominal * (1.0 - reach), 2.0 * reach * nominal / max(1, count - 1)
-        self.members: list[Sensitivity] = []
-        guess = programme.start(0.25 * float(np.clip(problem.field_max, -6e6, 6e6)))
-        for k in range(count):
-            parameters = programme.parameters.copy()
-            parameters[0] = nominal if count == 1 else self._first + k * self._spacing
-            self.members.append(Sensitivity(conditions, ipopt.solve(guess, parameters), parameters, order))
-        self.space = self.members[0].space
-        self.middle = self.members[count // 2]
-
-    def update(self, parameters: Array) -> Update:
-        """The field for other parameters, in the order of `space.names` [SI, shape (k,)]."""
-        last = len(self.members) - 1
-        k = round((float(parameters[0]) - self._first) / self._spacing) if last else 0
-        return self.members[min(max(k, 0), last)].update(parameters)
-
-
 def sensitivity(problem: Problem, order: int = 2) -> Sensitivity:
     """Of one solution, at the problem's own parameters. Raises as `collocation`."""
-    return Family(problem, count=1, order=order).middle
+    programme = collocation(problem)
+    guess = programme.start(0.25 * float(np.clip(problem.field_max, -6e6, 6e6)))
+    point = Ipopt(programme).solve(guess, programme.parameters)
+    return Sensitivity(Conditions(programme), point, programme.parameters, order)
 
 
 def _unit(size: int, place: int) -> Array:

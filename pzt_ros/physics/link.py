@@ -37,6 +37,14 @@ class Link(ABC):
         """The same link without what no model can know: noise, least steps. Links that have such override this."""
         return self
 
+    def prompt(self) -> Link:
+        """The same link without its dynamics, where an inverse had better not look at the state they are in.
+
+        These are a mode, which rings when its state is fed back sample by sample, and the lag of a sensor, which is not
+        the stage's. Such links override this.
+        """
+        return self
+
     @abstractmethod
     def init(self, rest: Rest) -> State:
         """The state at rest, before the first sample."""

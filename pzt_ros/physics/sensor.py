@@ -40,6 +40,10 @@ class DisplacementSensor(Link):
         """Without noise and least step."""
         return dataclasses.replace(self, noise_rms=0.0, resolution=0.0)
 
+    def prompt(self) -> DisplacementSensor:
+        """Without lag and delay."""
+        return dataclasses.replace(self, bandwidth=0.0, delay=0.0) if self._dynamic else self
+
     @property
     def _dynamic(self) -> bool:
         return self.bandwidth > 0.0 or self.delay > 0.0

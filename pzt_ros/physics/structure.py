@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -34,6 +35,10 @@ class Structure(Link):
     damping_ratio: float = parameter(0.02, "1", "damping of the mode over critical", symbol="D", bounds=(0.0, 0.95))
     load_stiffness: float = parameter(0.0, "N/m", "stiffness of the load", symbol="k_L", bounds=(0.0, 1e12))
     actuator_stiffness: float = parameter(1e8, "N/m", "stiffness of the stack", symbol="k_A", bounds=(1.0, 1e12))
+
+    def prompt(self) -> Structure:
+        """Without the mode."""
+        return dataclasses.replace(self, resonance_frequency=0.0) if self.resonance_frequency > 0.0 else self
 
     @property
     def static_gain(self) -> float:

@@ -65,10 +65,17 @@ CONTROLLER = Learning(period=PERIOD, smoothing=0.0, handover_time=1e-3)
 def test_every_cycle_takes_its_share_of_the_error() -> None:
     """Plant over model is g = 1.3: a cycle leaves |1 - g share| of the error; shares are 1, 2/3, 1/2, 2/5."""
     # a cycle's first block does not yet know the last one's correction, and the first correction blends in
-    errors = cycles_of(CONTROLLER, np.tile(SCAN, 8), 1.3, begin=2 * SIZE)
+    fine = dataclasses.replace(CONTROLLER, least_gain=0.3, slow_gain=0.0)
+    errors = cycles_of(fine, np.tile(SCAN, 8), 1.3, begin=2 * SIZE)
     shares = 2.0 / np.arange(2.0, 9.0)
     np.testing.assert_allclose(errors[2:] / errors[1:-1], np.abs(1.0 - 1.3 * np.maximum(shares, 0.3))[1:], rtol=0.02)
     assert errors[-1] < 0.02 * errors[0]
+
+
+def test_the_slow_part_keeps_a_larger_share() -> None:
+    """The error is a cosine over the period, all of which is slow: it goes on by the share 1/2."""
+    errors = cycles_of(dataclasses.replace(CONTROLLER, slow_gain=0.5), np.tile(SCAN, 8), 1.3, begin=2 * SIZE)
+    np.testing.assert_allclose(errors[3:] / errors[2:-1], 1.0 - 1.3 * 0.5, rtol=0.05)
 
 
 def test_noise_is_averaged_over_cycles_and_neighbours() -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
 
 import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
+from pzt_ros.controllers import receding_horizon
 from pzt_ros.controllers.bounds import Bounds
 from pzt_ros.controllers.controller import Controller, Feedback
 from pzt_ros.controllers.inverse_pi import InversePI
-from pzt_ros.controllers.receding_horizon import RecedingHorizon
+from pzt_ros.controllers.ladder import HOLD, INVERSE, NO_PLAN, PLAN, RAMP, SHIFTED, Plan
+from pzt_ros.controllers.receding_horizon import Block, RecedingHorizon
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -73,6 +76,15 @@ class Loop:
         )
 
 
+class WithoutSolver(RecedingHorizon):
+    """Its solver finds nothing, in the tick or in the background: the inverse is left."""
+
+    def _answer(self, model: Chain, block: Block, wanted: Array, plan: Plan) -> tuple[str, Array]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(receding_horizon, "optimal_block", lambda *_: None)
+            return super()._answer(model, block, wanted, NO_PLAN)
+
+
 STEP = np.concatenate([np.zeros(SIZE), np.full(6 * SIZE, 5e-6), np.full(6 * SIZE, -1e-6)])
 
 
@@ -96,13 +108,7 @@ def test_the_current_limit_is_kept_where_the_inverse_leaves_it() -> None:
 
 @pytest.mark.parametrize("slew", [2e4, 2e5])
 def test_with_a_slew_limit_the_plan_is_better_than_the_inverse_held_in_it(slew: float) -> None:
-    class Held(RecedingHorizon):
-        """Never plans."""
-
-        def _is_free(self, *_: object) -> bool:
-            return True
-
-    planned, held = (Loop(cls(current=10.0), slew_rate=slew) for cls in (RecedingHorizon, Held))
+    planned, held = (Loop(cls(current=10.0), slew_rate=slew) for cls in (RecedingHorizon, WithoutSolver))
     errors = [float(np.sum(loop.run(STEP) ** 2)) for loop in (planned, held)]
     assert errors[0] <= errors[1]
     assert np.max(np.abs(np.diff(planned.voltage))) <= slew / RATE * (1 + 1e-9)
@@ -137,3 +143,77 @@ def test_every_ceramic_is_served(chain: str) -> None:
     error = loop.run(np.concatenate([np.zeros(SIZE), np.full(6 * SIZE, 1.5e-6)]))
     assert np.max(np.abs(np.diff(loop.voltage))) <= 3e4 / RATE * (1 + 1e-9)
     assert np.max(np.abs(error[-SIZE:])) < 0.1e-6
+
+
+def answers(loop: Loop, *parts: Array) -> list[str]:
+    """The rung of each block."""
+    found = []
+    for part in parts:
+        loop.run(part)
+        found.append(loop.held.rung)
+    return found
+
+
+SMALL, LARGE, NOTHING = np.full(SIZE, 1e-8), np.full(SIZE, 5e-6), np.full(SIZE, np.nan)
+
+
+def test_the_answer_is_the_plan_with_and_without_an_active_limit() -> None:
+    assert answers(Loop(RecedingHorizon()), SMALL, SMALL, LARGE, LARGE) == [PLAN] * 4
+
+
+def test_a_reference_without_numbers_is_bridged_by_the_previous_plan_then_held_then_lowered() -> None:
+    controller = RecedingHorizon(horizon=2.0, hold_time=1.5 * SIZE / RATE, ramp_rate=1e3)
+    loop = Loop(controller)
+    begun = answers(loop, SMALL, SMALL)
+    rungs = answers(loop, *[NOTHING] * 6)
+    assert (begun, rungs) == ([PLAN, PLAN], [SHIFTED, SHIFTED, HOLD, RAMP, RAMP, RAMP])
+    voltage = loop.voltage
+    assert np.all(np.isfinite(voltage))
+    fall = np.diff(voltage[-2 * SIZE :])
+    np.testing.assert_allclose(fall, -1e3 / RATE, rtol=1e-6)
+    assert answers(loop, SMALL)[0] in (PLAN, INVERSE), "and it comes back when there is a reference again"
+
+
+def test_the_ramp_ends_at_zero() -> None:
+    loop = Loop(RecedingHorizon(hold_time=0.0, ramp_rate=1e5))
+    answers(loop, *[NOTHING] * 4)
+    np.testing.assert_array_equal(loop.voltage[-SIZE:], 0.0)
+
+
+@pytest.mark.parametrize("found", [None, np.full(SIZE, np.nan), np.full(SIZE, np.inf)])
+def test_without_a_solution_it_is_the_previous_plan_and_without_that_the_inverse(
+    found: Array | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The solver fails from here on; the plan that looked two blocks ahead before is used up first."""
+    loop = Loop(RecedingHorizon(horizon=2.0, current=0.1))
+    assert answers(loop, SMALL, SMALL) == [PLAN, PLAN]
+    loop.held.solving.result()
+    monkeypatch.setattr(receding_horizon, "optimal_block", lambda *_: found)
+    assert answers(loop, *[LARGE] * 3) == [SHIFTED, SHIFTED, INVERSE]
+    assert np.all(np.isfinite(loop.voltage))
+
+
+def test_a_plan_that_is_late_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The background takes seconds; the tick goes on with what there is."""
+    gate = threading.Event()
+    look_ahead = RecedingHorizon._look_ahead
+
+    def slow(self: RecedingHorizon, model: Chain, block: Block, voltage: Array) -> Plan | None:
+        gate.wait(10.0)
+        return look_ahead(self, model, block, voltage)
+
+    monkeypatch.setattr(RecedingHorizon, "_look_ahead", slow)
+    try:
+        loop = Loop(RecedingHorizon(patience=1e-3))
+        assert answers(loop, SMALL, LARGE, LARGE) == [PLAN] * 3
+        assert loop.held.plan is NO_PLAN
+        assert answers(loop, NOTHING) == [HOLD]
+    finally:
+        gate.set()
+
+
+def test_in_lock_step_a_run_repeats_to_the_bit() -> None:
+    first, second = Loop(RecedingHorizon(), slew_rate=5e4), Loop(RecedingHorizon(), slew_rate=5e4)
+    first.run(STEP)
+    second.run(STEP)
+    np.testing.assert_array_equal(first.voltage, second.voltage)

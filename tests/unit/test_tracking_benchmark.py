@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from pzt_benchmarks import tracking
+from pzt_benchmarks import full_plant, tracking
 from pzt_benchmarks.__main__ import ALL, BENCHMARKS
 from pzt_benchmarks.report import Provenance
 from pzt_benchmarks.table import MET, NOT_MET
-from pzt_benchmarks.tracking_rig import FRONT, LOW, PLANT, RATE, SENSOR, STROKE, WRONG_FRONT, Rig, Tracked, triangle
+from pzt_benchmarks.tracking_rig import FRONT, LOW, PLANT, QUIET, RATE, STROKE, WRONG_FRONT, Rig, Tracked, triangle
 from pzt_benchmarks.unknown_histories import history, scan
 from pzt_ros.controllers.inverse import Inverse
 from pzt_ros.controllers.open_loop import OpenLoop
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
-
-QUIET = dataclasses.replace(SENSOR, noise_rms=0.0, resolution=0.0)
 
 
 def test_it_is_found_by_name_only() -> None:
@@ -60,18 +56,21 @@ def test_error_is_in_percent_of_the_stroke() -> None:
 
 
 def test_verdicts_and_page() -> None:
-    kept = tracking.Row("observer-based, front", {10.0: (0.04, 0.2)}, {10.0: 0.05})
+    kept = tracking.Row("observer-based, front", {10.0: (0.04, 0.2)}, {10.0: 0.05}, seconds=1e-4)
+    quiet = tracking.Row(tracking.QUIET_FRONT, {10.0: (0.03, 0.2)})
     missed = tracking.Row("observer-based, lattice", {10.0: (0.06, 0.2)}, {10.0: 0.05})
     assert (kept.verdict, missed.verdict) == (MET, NOT_MET)
     assert kept.cells()[:3] == ("observer-based, front", "0.040 (≤ 0.05) / 0.20", MET)
     pi = tracking.Row("best PI of each frequency", {10.0: (0.24, 1.0)})
     wrong = tracking.Row("observer-based, front, wrong", {10.0: (0.14, 0.4)}, {10.0: 0.15})
     line = tracking.Row("linear open loop", {10.0: (15.0, 30.0)})
-    rows = [line, pi, kept, missed, wrong]
+    rows = [line, pi, kept, quiet, missed, wrong]
     learned = [np.geomspace(2.0, 0.02, 11)]
     tables = [tracking._tracking_table(rows, [10.0]), tracking._learning_table(learned, rows)]
-    page = tracking.page(Provenance("command", "m", "v", "c", "d"), tracking.Outcome(rows, {}, learned, tables))
+    full = [full_plant.Followed("observer-based", {5.0: 0.06, 150.0: 0.167}, {})]
+    page = tracking.page(Provenance("command", "m", "v", "c", "d"), tracking.Outcome(rows, {}, learned, full, tables))
     assert "Limits not met: observer-based, lattice." in page
+    assert "10.0 at 5 Hz, 10.0 at 150 Hz" in page
     assert "| error down, mean of the seeds | 100 times | ≥ 50 times | met |" in page
 
 
@@ -85,3 +84,31 @@ def test_histories_end_where_the_scan_begins() -> None:
     assert levels[-1] == voltage[0]
     assert levels.min() >= -40.0
     assert levels.max() <= 150.0
+
+
+def test_a_rounded_triangle_is_smooth_and_has_its_stroke() -> None:
+    for frequency in (5.0, 150.0):
+        path = full_plant.rounded_triangle(frequency, 3.0)
+        assert np.min(path) == pytest.approx(full_plant.LOW, abs=1e-11)
+        assert np.ptp(path) == pytest.approx(full_plant.STROKE, rel=2e-3)
+        speed = np.diff(path) * RATE
+        turn = 2.0 * np.max(np.abs(speed)) / (2.0 * full_plant.TURN / frequency)  # mean acceleration
+        assert np.max(np.abs(np.diff(speed) * RATE)) < 2.05 * turn
+        flank = np.abs(speed) > 0.999 * np.max(np.abs(speed))
+        assert np.mean(flank) == pytest.approx(1.0 - 4.0 * full_plant.TURN, abs=0.05)
+
+
+def test_measured_runs_carry_what_the_amplifier_takes() -> None:
+    record = full_plant.measured("steps", ((100.0, 5e-3), (100.0, 0.02), (0.0, 5e-3)), RATE, 3)
+    held = (record.time > 0.01) & (record.time < 0.024)
+    assert np.all(record.voltage[held] < 99.9), "the capacitor takes its share"
+    assert np.all(record.voltage[held] > 95.0)
+    assert 0.5e-6 < np.mean(record["displacement_m"][held]) < 10e-6
+    assert np.all(np.isin(np.round(record["displacement_m"] / 1e-7, 6) % 1.0, 0.0)), "steps of the sensor"
+
+
+def test_the_identified_model_is_driven_through_its_amplifier() -> None:
+    model = full_plant.to_control_with(full_plant.GUESS)
+    assert [link.kind for link in model.links][:2] == ["amplifier", "lattice"]
+    assert "thermal_drift" not in {link.kind for link in model.links}
+    assert {link.noise_rms for link in model.links if link.kind == "displacement_sensor"} == {0.0}
