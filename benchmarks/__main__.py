@@ -22,6 +22,7 @@ BENCHMARKS = {
     "tracking": "tracking",
     "observer": "unknown_histories",
     "optimal": "optimal_control",
+    "panel": "panel",
 }
 """Every benchmark by name, and the file whose `measure(quick, tell)` returns its tables; a new one is one line here."""
 

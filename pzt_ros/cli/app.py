@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from pzt_ros.cli import bag, bench, demo, diagnose, figures, graph, model, optimal
+from pzt_ros.cli import bag, bench, demo, diagnose, doctor, figures, graph, model, optimal, panel
 from pzt_ros.errors import BenchError
 
 
@@ -22,6 +22,7 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     graph.add_to(app)
+    panel.add_to(app)
     demo.add_to(app)
     model.add_to(app)
     optimal.add_to(app)
@@ -29,6 +30,7 @@ def build() -> typer.Typer:
     bag.add_to(app)
     figures.add_to(app)
     bench.add_to(app)
+    doctor.add_to(app)
     return app
 
 
