@@ -55,7 +55,7 @@ def measure_graph(composed: bool, paced: bool) -> Measured:
         when = np.array([at for at, _ in bag.messages("/stage/truth")]) * 1e-9
         status = json.loads(Path(folder, "run", "run.json").read_text())["outcome"]["status"]["plant"]
     rate = (len(when) - 1) / (when[-1] - when[0])
-    late = f"{100 * status.get('late_blocks', 0) / len(when):.2f} %" if paced else "-"
+    late = f"{100 * status.get('missed_ticks', 0) / len(when):.2f} %" if paced else "-"
     return Measured(status["response_p50_us"], status["response_p99_us"], rate, late)
 
 

@@ -1,94 +1,10 @@
-"""`python -m pzt_bringup SCENARIO --out DIR`: run the graph; `pzt run` does this and writes the report."""
+"""`python -m pzt_bringup`: see command.py."""
 
-from __future__ import annotations
+import signal
 
-import json
-import sys
-from pathlib import Path
-from typing import Annotated
+# Until there is something to stop, Ctrl-C just ends the program; the supervisor takes it over then.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-import typer
+from pzt_bringup.command import main  # noqa: E402 - it takes a second
 
-from pzt_bringup.cpu_latency import awake_processor
-from pzt_bringup.domain import take_domain
-from pzt_bringup.plan import RATES, Plan, prepare
-from pzt_bringup.supervisor import Outcome, Supervisor
-from pzt_bringup.view import TerminalView
-from pzt_ros.errors import BenchError
-from pzt_ros.hardware.choose import Drivers, load_drivers
-from pzt_ros.scenario import load_scenario
-
-
-def bring_up(
-    scenario: Annotated[str, typer.Argument(help="scenario: shipped name or path of a YAML file")] = "scan",
-    out: Annotated[Path, typer.Option(help="run folder")] = Path("run"),
-    duration: Annotated[
-        float | None, typer.Option(help="end the scenario after this many seconds of its own time")
-    ] = None,
-    composed: Annotated[bool, typer.Option(help="all nodes in one process")] = False,
-    real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
-    domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
-    namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",
-    drivers: Annotated[Path | None, typer.Option(help="YAML file of instruments; simulated ones by default")] = None,
-    quiet: Annotated[bool, typer.Option(help="say nothing while running")] = False,
-) -> None:
-    """Start the node graph, run a scenario, record a bag, stop cleanly."""
-    try:
-        outcome = run_graph(scenario, out, duration, composed, real_time, domain, namespace, drivers, quiet)
-    except BenchError as error:
-        outcome = Outcome(error.exit_code, str(error))
-    if outcome.exit_code:
-        print(f"error: {outcome.sentence}", file=sys.stderr)
-    elif not quiet:
-        print(outcome.sentence, file=sys.stderr)
-    raise typer.Exit(outcome.exit_code)
-
-
-def run_graph(
-    scenario: str,
-    out: Path,
-    duration: float | None,
-    composed: bool,
-    real_time: bool,
-    domain: int | None,
-    namespace: str,
-    drivers: Path | None,
-    quiet: bool,
-) -> Outcome:
-    """Bring the graph up and see it to its end.
-
-    Raises:
-        BenchError: bad scenario, run folder, drivers or domain.
-    """
-    loaded, chosen = load_scenario(scenario), load_drivers(drivers) if drivers else Drivers()
-    if duration is not None and not duration > 0.0:
-        raise BenchError(f"duration {duration} s is not positive; leave it out to run the whole scenario")
-    lock = take_domain(domain)
-    try:
-        plan = Plan(loaded, out.resolve(), composed, RATES[real_time], duration, lock.domain, namespace, chosen)
-        prepare(plan)
-        with awake_processor() as awake, TerminalView(f"{loaded.name} in ROS domain {lock.domain}", quiet) as view:
-            outcome = Supervisor(plan, view.show).run()
-    finally:
-        lock.release()
-    _note_end(plan, outcome, awake)
-    return outcome
-
-
-def _note_end(plan: Plan, outcome: Outcome, awake: bool) -> None:
-    path = plan.folder / "run.json"
-    noted = json.loads(path.read_text(encoding="utf-8"))
-    noted["processor_kept_awake"] = awake
-    noted["outcome"] = {"exit_code": outcome.exit_code, "sentence": outcome.sentence, "status": outcome.status}
-    path.write_text(json.dumps(noted, indent=1), encoding="utf-8")
-
-
-def main() -> None:
-    """The command line."""
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command()(bring_up)
-    app()
-
-
-if __name__ == "__main__":
-    main()
+main()

@@ -12,24 +12,33 @@ from pathlib import Path
 from typing import Any
 
 from pzt_bringup.processes import ProcessRow
+from pzt_bringup.shared_memory import held_by
 
-ESCALATION = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
-"""Signals in turn, each with the time [s] it gets; the first leaves room for the amplifier's ramp to 0 V."""
+ESCALATION = ((signal.SIGTERM, 12.0), (signal.SIGKILL, 2.0))
+"""Signals in turn, each with the time [s] it gets: the first for the ramp to 0 V, and until the last blocks arrived.
+
+To a node SIGINT would mean the same, but a Python that is still importing answers it with a traceback.
+"""
 
 _PREFIX = "PZT_STATUS "
 
 
 class Child:
-    """A node's process. What its nodes last said of themselves is in `status`, and when [s, monotonic] in `heard`."""
+    """A node's process.
+
+    What its nodes last said of themselves is in `status`, when [s, monotonic] in `heard`, and `memory` names the shared
+    memory that it had when it first said something.
+    """
 
     def __init__(self, row: ProcessRow, arguments: list[str], environment: dict[str, str], log: Path) -> None:
         self.row = row
         self.status: dict[str, dict[str, Any]] = {}
         self.heard: dict[str, float] = {}
+        self.memory: set[str] = set()
         self._log = open(log, "wb")  # noqa: SIM115 - as long as the process
         # A session of its own: Ctrl-C reaches the supervisor alone, which stops the nodes in the right order.
         self._process = subprocess.Popen(
-            [sys.executable, "-m", row.module, *arguments],
+            [sys.executable, "-m", row.module, *row.words, *arguments],
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -58,6 +67,7 @@ class Child:
                     status = json.loads(line[len(_PREFIX) :])
                 except json.JSONDecodeError:
                     continue  # the last line of a killed process
+                self.memory = self.memory or held_by(self.pid)
                 self.status[status["node"]] = status
                 self.heard[status["node"]] = time.monotonic()
             else:
@@ -79,6 +89,8 @@ class Child:
             except subprocess.TimeoutExpired:
                 continue
         self._listener.join(1.0)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         self._log.close()
         return self._process.wait()
 

@@ -6,11 +6,10 @@ import fcntl
 import os
 import random
 import socket
-import tempfile
-from pathlib import Path
 from typing import IO
 
 from pzt_ros.errors import BenchError
+from pzt_ros.graphs import lock_file
 
 DOMAINS = range(0, 102)
 """Higher domains use ports that overlap the ephemeral range (docs/decisions/0003)."""
@@ -55,13 +54,9 @@ def take_domain(wanted: int | None) -> DomainLock:
     raise BenchError("no free ROS domain between 1 and 101; stop another graph or name one with --domain")
 
 
-def _path(domain: int) -> Path:
-    return Path(tempfile.gettempdir()) / f"pzt_ros_domain_{domain}.lock"
-
-
 def _lock(domain: int) -> DomainLock | None:
     try:
-        file = open(_path(domain), "a+", encoding="utf-8")  # noqa: SIM115 - held open, that is the lock
+        file = open(lock_file(domain), "a+", encoding="utf-8")  # noqa: SIM115 - held open, that is the lock
     except OSError:  # another user's file: theirs is the domain
         return None
     try:
@@ -77,7 +72,7 @@ def _lock(domain: int) -> DomainLock | None:
 
 def _holder(domain: int) -> str:
     try:
-        return f" (process {_path(domain).read_text(encoding='utf-8').strip()})"
+        return f" (process {lock_file(domain).read_text(encoding='utf-8').strip()})"
     except OSError:
         return ""
 

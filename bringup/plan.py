@@ -7,20 +7,19 @@ import os
 import shutil
 import sys
 from dataclasses import dataclass, field
-from importlib import metadata, resources
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from pzt_bringup.processes import COMPOSED, SEPARATE, ProcessRow
+from pzt_bringup.processes import SEPARATE, ProcessRow, composed
 from pzt_config.topics import NODES
 from pzt_ros.errors import BenchError
 from pzt_ros.hardware.choose import Drivers, as_parameters
 from pzt_ros.quantities import parameters_of
-from pzt_ros.scenario import Scenario, Timing
-
-RATES = ("as fast as possible", "real time")
+from pzt_ros.ros_environment import ros_environment
+from pzt_ros.scenario import RATES, Scenario, Timing
 
 
 @dataclass(frozen=True)
@@ -36,6 +35,7 @@ class Plan:
         domain: ROS domain.
         namespace: of the axis.
         drivers: the instruments behind the amplifier and the sensor node.
+        own_recorder: whether it records itself, or another process takes this axis into the bag of all.
     """
 
     scenario: Scenario
@@ -46,6 +46,7 @@ class Plan:
     domain: int
     namespace: str = "/stage"
     drivers: Drivers = field(default_factory=Drivers)
+    own_recorder: bool = True
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -55,7 +56,10 @@ class Plan:
     @property
     def processes(self) -> tuple[ProcessRow, ...]:
         """The rows of the process table that are started."""
-        return COMPOSED if self.composed else tuple(row for row in SEPARATE if set(row.nodes) <= set(self.nodes))
+        started = tuple(node for node in self.nodes if node != "recorder" or self.own_recorder)
+        if self.composed:
+            return composed(started)
+        return tuple(row for row in SEPARATE if set(row.nodes) <= set(started))
 
     @property
     def bag(self) -> Path:
@@ -80,18 +84,18 @@ def prepare(plan: Plan) -> None:
     """
     if plan.rate not in RATES:
         raise BenchError(f"rate '{plan.rate}' is not one of {', '.join(RATES)}")
-    if plan.composed and not plan.drivers.needs_plant:
-        raise BenchError("a graph in one process has the simulated plant in it; use separate processes with hardware")
     if plan.bag.exists():
         raise BenchError(f"{plan.folder} holds a run already ({plan.bag.name}/ is there); choose another --out")
     try:
         (plan.folder / "log").mkdir(parents=True, exist_ok=True)
         plan.parameter_file.write_text(yaml.safe_dump(node_parameters(plan), sort_keys=False), encoding="utf-8")
         shutil.copyfile(plan.scenario.source, plan.folder / "scenario.yaml")
-        for chain in {plan.scenario.plant, plan.scenario.model}:
-            if Path(chain).exists():  # not a shipped one: the scenario's copy finds it beside itself
-                shutil.copyfile(chain, plan.folder / Path(chain).name)
+        for file in {plan.scenario.plant, plan.scenario.model, *plan.scenario.files}:
+            if Path(file).exists():  # not a shipped chain: the scenario's copy finds it beside itself
+                shutil.copyfile(file, plan.folder / Path(file).name)
         (plan.folder / "run.json").write_text(json.dumps(_provenance(plan), indent=1), encoding="utf-8")
+        if not plan.own_recorder:
+            plan.bag.symlink_to(Path("..") / plan.bag.name)
     except OSError as error:
         raise BenchError(f"run folder {plan.folder} cannot be written: {error.strerror}") from None
 
@@ -103,7 +107,12 @@ def node_parameters(plan: Plan) -> dict[str, Any]:
     common: dict[str, Any] = {**timing, "nodes": ",".join(plan.nodes)}
     own: dict[str, dict[str, Any]] = {
         "recorder": {"bag": str(plan.bag), "nodes": common["nodes"]},
-        "amplifier": {"chain": s.plant, "limits": _values(s.limits), **as_parameters(plan.drivers.amplifier)},
+        "amplifier": {
+            "chain": s.plant,
+            "rate": plan.rate,
+            "limits": _values(s.limits),
+            **as_parameters(plan.drivers.amplifier),
+        },
         "plant": {"chain": s.plant, "rate": plan.rate},
         "sensor": {"chain": s.plant, **as_parameters(plan.drivers.sensor)},
         "observer": {"model": s.model, "observer": s.observer.kind, s.observer.kind: _values(s.observer)},
@@ -152,18 +161,5 @@ def _version(package: str) -> str:
 
 def environment(plan: Plan) -> dict[str, str]:
     """What every process of the graph finds in its environment; the user's own settings win."""
-    profile = Path(str(resources.files("pzt_config"))) / "fastdds.xml"
-    defaults = {
-        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
-        "ROS_LOG_DIR": str(plan.folder / "log" / "ros"),
-        "RCUTILS_COLORIZED_OUTPUT": "0",
-    }
-    ours = {
-        "ROS_DOMAIN_ID": str(plan.domain),
-        "PZT_STATUS": "1",
-        "PZT_PARENT": str(os.getpid()),
-        "PYTHONUNBUFFERED": "1",
-    }
-    return {**defaults, **os.environ, **ours}
+    ours = {"PZT_STATUS": "1", "PZT_PARENT": str(os.getpid())}
+    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), **ours}

@@ -21,12 +21,20 @@ class ProcessRow:
     module: str
     nodes: tuple[str, ...]
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """For the module's command line: a process of several nodes is told which."""
+        return self.nodes if len(self.nodes) > 1 else ()
+
 
 SEPARATE = tuple(ProcessRow(node, f"pzt_nodes.{node}_node", (node,)) for node in NODES)
 """One process per node, in the order of starting: the recorder first, to miss nothing, the experiment last."""
 
-COMPOSED = (ProcessRow("graph", "pzt_nodes.composed", NODES),)
-"""All nodes in one process."""
 
-STOP_ORDER = ("experiment", "controller", "amplifier", "observer", "sensor", "plant", "graph", "recorder")
-"""The commands end first, then the amplifier ramps to 0 V while the others still watch; the recorder sees it all."""
+def composed(nodes: tuple[str, ...]) -> tuple[ProcessRow, ...]:
+    """All of them in one process."""
+    return (ProcessRow("graph", "pzt_nodes.composed", nodes),)
+
+
+STOP_ORDER = (("experiment", "controller", "amplifier"), ("observer", "sensor", "plant", "graph"), ("recorder",))
+"""The commands end and the amplifier ramps to 0 V while the others still watch; the recorder sees it all."""

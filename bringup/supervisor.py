@@ -11,6 +11,7 @@ from typing import Any
 from pzt_bringup.child import Child
 from pzt_bringup.plan import Plan, environment
 from pzt_bringup.processes import STOP_ORDER
+from pzt_bringup.shared_memory import sweep
 
 POLL = 0.05
 """The supervisor looks at its processes this often [s]."""
@@ -25,6 +26,25 @@ class Outcome:
     status: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
+class Interrupts:
+    """Ctrl-C and SIGTERM, while `with` lasts: remembered, and no more."""
+
+    def __init__(self) -> None:
+        self.came = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Interrupts:
+        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, _number: int, _frame: Any) -> None:
+        self.came = True
+
+
 class Supervisor:
     """Runs one plan.
 
@@ -36,42 +56,37 @@ class Supervisor:
         self.plan = plan
         self._show = show
         self._children: dict[str, Child] = {}
-        self._interrupted = False
 
     def run(self) -> Outcome:
         """Start everything, wait for the end, leave nothing behind."""
-        before = {s: signal.signal(s, self._on_signal) for s in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            self._start()
-            outcome = self._watch()
-        finally:
-            self._stop_all()
-            for number, handler in before.items():
-                signal.signal(number, handler)
-        return Outcome(outcome.exit_code, outcome.sentence, self._status())
+        with Interrupts() as interrupts:
+            try:
+                self.start()
+                while (outcome := self.poll(interrupts.came)) is None:
+                    self._show(self.status())
+            finally:
+                self.stop()
+        return Outcome(outcome.exit_code, outcome.sentence, self.status())
 
-    def _on_signal(self, _number: int, _frame: Any) -> None:
-        self._interrupted = True
-
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Start every process of the plan."""
         env = environment(self.plan)
         arguments = ["--ros-args", "--params-file", str(self.plan.parameter_file), "-r", f"__ns:={self.plan.namespace}"]
         for row in self.plan.processes:
             self._children[row.name] = Child(row, arguments, env, self.plan.log(row.name))
 
-    def _status(self) -> dict[str, dict[str, Any]]:
+    def status(self) -> dict[str, dict[str, Any]]:
+        """What each node last said of itself."""
         return {node: status for child in self._children.values() for node, status in child.status.items()}
 
-    def _watch(self) -> Outcome:
+    def poll(self, asked_to_stop: bool) -> Outcome | None:
+        """Look at the processes after a moment; how the run ended, once it has and the stack is safe."""
+        time.sleep(POLL)
+        if asked_to_stop:
+            return Outcome(0, f"stopped on request; {self._make_safe()}")
         last = next(reversed(self._children))  # the one that holds the experiment
-        while True:
-            time.sleep(POLL)
-            self._show(self._status())
-            if self._interrupted:
-                return Outcome(0, f"stopped on request; {self._make_safe()}")
-            dead = [name for name, child in self._children.items() if child.exit_code is not None]
-            if dead:
-                return self._ended(dead, last)
+        dead = [name for name, child in self._children.items() if child.exit_code is not None]
+        return self._ended(dead, last) if dead else None
 
     def _ended(self, dead: list[str], last: str) -> Outcome:
         code = self._children[dead[0]].exit_code
@@ -95,6 +110,8 @@ class Supervisor:
             if name in self._children:
                 self._children[name].ask_to_stop()
         holder = self._children.get("amplifier") or self._children["graph"]
+        if "amplifier" not in holder.status:
+            return "the amplifier had not started"
         if holder.exit_code is None:
             holder.stop()
             if holder.status.get("amplifier", {}).get("stack_voltage_V") == 0.0:
@@ -114,10 +131,15 @@ class Supervisor:
             time.sleep(POLL)
         return False
 
-    def _stop_all(self) -> None:
-        for name in STOP_ORDER:
-            if name in self._children:
-                self._children[name].stop()
+    def stop(self) -> None:
+        """See to it that no process is left, nor its shared memory."""
+        for together in STOP_ORDER:
+            children = [self._children[name] for name in together if name in self._children]
+            for child in children:
+                child.ask_to_stop()
+            for child in children:
+                child.stop()
+        sweep({name for child in self._children.values() if (child.exit_code or 0) < 0 for name in child.memory})
 
 
 def _how(code: int | None) -> str:

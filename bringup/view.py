@@ -50,7 +50,7 @@ class TerminalView:
         table = Table(title=f"{self._title}{_progress(status)}", title_justify="left")
         for column in ("node", "state", "blocks/s", "blocks"):
             table.add_column(column, justify="right" if column.startswith("blocks") else "left")
-        for node in NODES:
+        for node in NODES if set(status) <= set(NODES) else status:
             said = status.get(node)
             if said is None:
                 table.add_row(node, "starting", "", "")
@@ -63,6 +63,6 @@ class TerminalView:
 
 def _progress(status: dict[str, dict[str, Any]]) -> str:
     said = status.get("experiment", {})
-    if not said.get("run_length_s"):
-        return ""
+    if not said.get("run_length_s"):  # an operator says how long
+        return f"   {said['phase']}" if "phase" in said else ""
     return f"   {said['run_time_s']:.1f} of {said['run_length_s']:.1f} s, {said['phase']}"

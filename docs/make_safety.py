@@ -33,6 +33,10 @@ RULES = """
 * After a driver failed, the amplifier stays *ramping*, with a voltage that is not known, and asks the driver again in
   every block period. When it answers, the ramp goes on from the voltage found, or from the last one that can have been
   put out where the readback claims more.
+* A command that is late is waited for: nothing is put out meanwhile, so the stack keeps the last voltage, and the run's
+  own time stands still. In real time late commands are counted, and too many of them are a fault (`late_*`); a run as
+  fast as possible has no pace to miss.
+* A driver may measure a temperature (`Thermometer` in `amplifier.py`); nothing is enabled or reset while it is too hot.
 * Two publishers are counted by the discovery of DDS: one that was killed with -9 counts for up to 3 s more.
 """
 

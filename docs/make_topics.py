@@ -47,14 +47,52 @@ The recorder writes all of them to the bag.
 
 | service | type | does |
 | --- | --- | --- |
-| `enable` | `std_srvs/SetBool` | true: the amplifier follows commands, and a lock-step graph begins; false: ramp to 0
-V |
+| `enable` | `std_srvs/SetBool` | true: commands are followed, and a lock-step graph begins; false: ramp to 0 V |
 | `discharge` | `std_srvs/Trigger` | ramp to 0 V |
 | `reset` | `std_srvs/Trigger` | clear a fault; the amplifier is disabled afterwards |
+| `pole` | `std_srvs/Trigger` | manual operation: the thesis' initialisation (2.2.1); answers how long it takes |
 | `record` | `std_srvs/SetBool` | pause the recorder, or go on |
+
+The amplifier and the sensor node also have the services of a managed node, `change_state` and its kin below the node's
+name: [hardware.md](hardware.md).
 
 The controller in charge is the parameter `controller` of the controller node; gains and limits are parameters with
 unit and range, and may be set while running.
+
+# Manual operation
+
+`pzt run manual` waits for an operator: any node, the panel, or `ros2` on the command line. Nothing is enabled by
+itself.
+
+* `enable` holds the stage where it is: the reference is where the displacement is found, the voltage does not jump.
+  Disabling ramps to 0 V; enabling again goes on in the same bag, as often as one likes. The run's own time stands
+  still in between, because nothing is put out. Wait until the experiment's diagnostics say `phase: not enabled`;
+  before, the graph is still starting.
+* `joint_trajectory` moves it, as ROS' JointTrajectoryController would: `joint_names` is the axis (`stage`),
+  `positions` in metres, `time_from_start` rising. The path begins at the present reference; between two points that
+  both have a velocity it is a cubic, between others a straight line; the last point is held, so its velocity is 0 or
+  none. A new message replaces the present one, and one without points stops where the reference is. A `header.stamp`
+  of 0 means now; any other is the run's own time, as `joint_states` are stamped. Accelerations and efforts are not
+  used.
+* What is malformed, or beyond stroke, slew or current by the model that the controllers use, is refused as a whole:
+  the reason is in the log of the experiment node (and on `/rosout`), the count in its diagnostics, and the present
+  path goes on. Nothing is clipped.
+* `pole` is refused while a trajectory is followed, and trajectories while it poles; the scenario's `manual:` has its
+  voltage and times.
+* The pace is real time, because an operator's times are (`rate: real time` in the scenario). The run ends with
+  Ctrl-C, or after `--duration` seconds on the wall clock.
+
+```
+ros2 service call /stage/enable std_srvs/srv/SetBool "{data: true}"
+ros2 topic pub --once /stage/joint_trajectory trajectory_msgs/msg/JointTrajectory \\
+  "{joint_names: [stage], points: [{positions: [4.0e-6], time_from_start: {sec: 1}}]}"
+```
+
+The same from a node of one's own: [foreign-node.md](foreign-node.md).
+
+A reference can also come out of a CSV file with `time_s` and `reference_m` (or `displacement_m`), as a phase of a
+scenario: `{phase: file, path: reference.csv, controller: inverse_pi}`. It is linear between the rows, and a copy goes
+into the run folder.
 """
 
 

@@ -7,13 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Profile:
-    """Reliability, history depth and durability of a topic; the recorder keeps `recorder_depth`."""
+    """Reliability, history depth and durability of a topic; the recorder keeps `recorder_depth`.
+
+    A publisher keeps `sender_depth`: what was lost on the way to a reader without processor time is sent again from
+    there, and what is no longer there leaves a gap in the bag.
+    """
 
     reliability: str
     depth: int
     durability: str = "volatile"
     history: str = "keep_last"
     recorder_depth: int = 1000
+    sender_depth: int = 1000
 
 
 QOS: dict[str, Profile] = {

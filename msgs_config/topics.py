@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 BLOCK = "std_msgs/msg/Float64MultiArray"
 JOINT_STATE = "sensor_msgs/msg/JointState"
+JOINT_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 FLOAT = "std_msgs/msg/Float64"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -21,7 +22,7 @@ class Topic:
     Attributes:
         name: relative to the axis namespace, or absolute.
         type: ROS message type.
-        publisher: the node that publishes it; "*" for every node.
+        publisher: the node that publishes it; "*" for every node, "operator" for whoever is outside the graph.
         subscribers: the nodes that need it (the recorder takes all that is `logged`).
         columns: of a block; empty for other messages.
         qos: name of a profile in `qos.py`.
@@ -70,6 +71,8 @@ TOPICS: dict[str, Topic] = {
         Topic("estimate", BLOCK, "observer", ("controller", "amplifier"),
               ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction", "innovation_m", "disturbance_m"),
               description="the observer's view of the block just measured"),
+        Topic("joint_trajectory", JOINT_TRAJECTORY, "operator", ("experiment",), rate="on demand",
+              description="positions [m] at times, for the scenario `manual`; a new one replaces the present one"),
         Topic("joint_states", JOINT_STATE, "sensor", (), rate="at most 100 Hz",
               description="measured position [m] and velocity [m/s], for plotters"),
         Topic("reference_joint_states", JOINT_STATE, "experiment", (), rate="at most 100 Hz",

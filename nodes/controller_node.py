@@ -81,7 +81,7 @@ class ControllerNode(GraphNode):
     def health(self) -> tuple[str, str, dict[str, object]]:
         """Which controller is in charge."""
         level, text, values = super().health()
-        return level, text, {**values, "controller": self.loop.active}
+        return level, text, {**values, **self.loop.health()}
 
 
 def main() -> None:

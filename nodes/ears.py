@@ -39,7 +39,7 @@ class Ears:
     def take(self) -> Iterator[tuple[str, Block]]:
         """What has arrived since the last time, topic by topic; what is no block of the table is passed over."""
         for name, subscription in self._subscriptions.items():
-            for data in _taken(subscription):
+            for data in taken(subscription):
                 with contextlib.suppress(BlockError):
                     block = decode(data, TOPICS[name].columns, self._block_size) or foreign_block(data)
                     if block.columns == TOPICS[name].columns:
@@ -50,7 +50,8 @@ class Ears:
         self._node.destroy_node()
 
 
-def _taken(subscription: Any) -> Iterator[bytes]:
+def taken(subscription: Any) -> Iterator[bytes]:
+    """What DDS has kept for a subscription that no executor serves, as bytes."""
     with subscription.handle:
         while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
             yield taken[0]

@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pzt_config.qos import QOS
 from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
-from pzt_nodes.messages import TYPES, diagnostics, foreign_block
+from pzt_nodes.messages import TYPES, diagnostics, foreign_block, status_of
 from pzt_nodes.parameters import declare_all, declare_text
 from pzt_ros.blocks import Block, BlockError
 from pzt_ros.chains import load_chain, load_model
@@ -27,6 +29,8 @@ from pzt_ros.physics.signals import Rest
 from pzt_ros.scenario import Timing
 from pzt_ros.wire import decode, encode
 
+SETTLE_TIME = 0.5
+"""Readers are given this long [s] to have all: DDS asks them for what they lack only every 3 s, so mostly it is all."""
 PLOT_RATE = 50.0
 """The decimated topics for plotters are published at most this often [Hz]."""
 
@@ -39,7 +43,9 @@ class GraphNode(Node):
 
     def __init__(self, name: str, *, needs_timing: bool = True) -> None:
         super().__init__(name, namespace="/stage")  # remap __ns for another axis
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.role = name
+        self.axes = (self.get_namespace(),)  # whose part it takes
         self.counts: Counter[str] = Counter()
         self.ticks = 0
         self.exit_code: int | None = None
@@ -60,6 +66,14 @@ class GraphNode(Node):
         self.create_timer(1.0, self._report)
         self._readiness_timer = self.create_timer(0.05, self._watch_readiness)
 
+    def create_timer(self, period: float, callback: Callable[[], None]) -> Any:
+        """A timer on a clock that nobody sets; all timers of the node share it, so that one can wake the others' wait.
+
+        The default one follows the system's clock, or `/clock`: when that is set back, a watchdog on it falls asleep
+        for as long as the step.
+        """
+        return super().create_timer(period, callback, clock=self._steady)
+
     # -- topics
 
     def qos(self, topic: Topic) -> QoSProfile:
@@ -75,7 +89,7 @@ class GraphNode(Node):
         )
 
     def _publisher(self, topic: Topic) -> Any:
-        return self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic))
+        return self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic, QOS[topic.qos].sender_depth))
 
     def listen(self, name: str, callback: Callable[[Block], None]) -> None:
         """Call `callback` with every block on a topic; what is no block as the table has it is counted and dropped."""
@@ -94,10 +108,27 @@ class GraphNode(Node):
 
         self.create_subscription(TYPES[topic.type], name, receive, self._qos(topic), raw=True)
 
+    def listen_to_health(self, callback: Callable[[str, str, str, dict[str, str]], None]) -> None:
+        """Call `callback` with what each node of this axis says of itself: role, level, one line, values."""
+        here = self.get_namespace().rstrip("/")
+
+        def receive(message: Any) -> None:
+            for node, level, text, values in status_of(message):
+                namespace, _, role = node.rpartition("/")
+                if namespace == here:
+                    callback(role, level, text, values)
+
+        topic = TOPICS["/diagnostics"]
+        self.create_subscription(TYPES[topic.type], topic.name, receive, self._qos(topic))
+
+    def name_on(self, axis: str, topic: Topic) -> str:
+        """A topic's full name on an axis."""
+        return topic.name if topic.name.startswith("/") else f"{axis.rstrip('/')}/{topic.name}"
+
     def refuse(self, name: str, why: str) -> None:
         """Count a message that cannot be used, and say why (at most once a second)."""
         self.counts[f"refused on {name}"] += 1
-        self.get_logger().warning(f"block on '{name}' refused: {why}", throttle_duration_sec=1.0)
+        self.get_logger().warning(f"message on '{name}' refused: {why}", throttle_duration_sec=1.0)
 
     def publish(self, name: str, *arrays: NDArray[np.float64]) -> None:
         """Publish a block: one array per column of the table."""
@@ -128,9 +159,10 @@ class GraphNode(Node):
     def missing(self) -> list[str]:
         """What this node still waits for before a run can start: unmatched topics."""
         waits = [
-            f"no publisher on {topic.name}"
+            f"no publisher on {name}"
+            for axis in self.axes
             for topic in subscribed_by(self.role, self.peers)
-            if topic.publisher in self.peers and self.count_publishers(topic.name) == 0
+            if topic.publisher in self.peers and self.count_publishers(name := self.name_on(axis, topic)) == 0
         ]
         for topic in published_by(self.role):
             if topic.publisher == "*":
@@ -163,9 +195,10 @@ class GraphNode(Node):
         values = {"ticks": ticks, "ticks_per_second": round(rate, 1), **values, **self.counts}
         values["ready"] = self._was_ready
         values["cpu_s"] = round(time.process_time(), 3)
-        self._publishers_by_topic["/diagnostics"].publish(
-            diagnostics(self.get_clock().now().to_msg(), f"{self.get_namespace()}/{self.role}", level, text, values)
-        )
+        now_said = self.get_clock().now().to_msg()
+        for axis in self.axes:
+            said = diagnostics(now_said, f"{axis.rstrip('/')}/{self.role}", level, text, values)
+            self._publishers_by_topic["/diagnostics"].publish(said)
         if self._report_to_supervisor:
             status = {"node": self.role, "level": level, "state": text, **values}
             # A supervisor that was killed must not take the ramp to 0 V with it.
@@ -183,6 +216,13 @@ class GraphNode(Node):
     def stop(self) -> None:
         """Asked to stop (Ctrl-C, or the run is over): a node that has to tidy up first overrides this."""
         self.finish()
+
+    def settle(self) -> None:
+        """Stay a moment, until what was said has arrived with every reader: a bag must not lack the end of the run."""
+        deadline = time.monotonic() + SETTLE_TIME
+        for publisher in self._publishers_by_topic.values():
+            left = max(deadline - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(nanoseconds=round(1e9 * left)))
 
     def close(self) -> None:
         """Called once before the node is destroyed."""

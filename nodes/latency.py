@@ -1,29 +1,45 @@
-"""How long things took: the last hundred thousand of them, and their percentiles."""
+"""How long things took: a histogram, so that a long run needs no more memory or time than a short one."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-CAPACITY = 100_000
+SHORTEST, LONGEST = 1e-7, 1e3
+"""Durations outside count as these [s]; no duration at all counts as 0."""
+PER_DECADE = 100
+"""Bins of a factor of ten: a percentile is right to 1.2 %."""
 
 
 class LatencyLog:
-    """Durations [s], kept in a ring so that a long run needs no more memory than a short one."""
+    """Counts durations [s] in bins of equal ratio; the longest one is kept as it was."""
 
     def __init__(self) -> None:
-        self._ring = np.empty(CAPACITY)
+        self._bins = [0] * (1 + round(PER_DECADE * math.log10(LONGEST / SHORTEST)))
         self._count = 0
+        self._longest = 0.0
 
     def add(self, duration: float) -> None:
         """Take in one duration [s]."""
-        self._ring[self._count % CAPACITY] = duration
+        kept = min(max(duration, SHORTEST), LONGEST)
+        self._bins[round(PER_DECADE * math.log10(kept / SHORTEST))] += 1
         self._count += 1
+        self._longest = max(self._longest, duration)
+
+    def percentile(self, percent: float) -> float:
+        """This share [%] of all durations was no longer [s]."""
+        wanted, seen = math.ceil(self._count * percent / 100.0), 0
+        for place, count in enumerate(self._bins):
+            seen += count
+            if seen >= wanted:
+                return SHORTEST * 10.0 ** (place / PER_DECADE) if place else 0.0
+        return self._longest
 
     def summary(self, name: str) -> dict[str, object]:
         """Median, 99 %, 99.9 % and maximum [us], each under `name` with its suffix; empty if none was added."""
-        known = self._ring[: min(self._count, CAPACITY)]
-        if not known.size:
+        if not self._count:
             return {}
-        values = (*np.percentile(known, (50.0, 99.0, 99.9)), known.max())
-        suffixes = ("p50", "p99", "p999", "max")
-        return {f"{name}_{suffix}_us": round(1e6 * value, 1) for suffix, value in zip(suffixes, values, strict=True)}
+        values = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
+        found = {suffix: min(self.percentile(percent), self._longest) for suffix, percent in values.items()}
+        return {
+            f"{name}_{suffix}_us": round(1e6 * value, 1) for suffix, value in {**found, "max": self._longest}.items()
+        }

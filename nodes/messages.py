@@ -6,18 +6,30 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
 
-from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE
+from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE, JOINT_TRAJECTORY
 from pzt_ros.blocks import Block, BlockError, read_block
+from pzt_ros.errors import BenchError
+from pzt_ros.experiments.trajectory import Trajectory
 
-TYPES = {BLOCK: Float64MultiArray, JOINT_STATE: JointState, FLOAT: Float64, DIAGNOSTICS: DiagnosticArray}
+TYPES = {
+    BLOCK: Float64MultiArray,
+    JOINT_STATE: JointState,
+    JOINT_TRAJECTORY: JointTrajectory,
+    FLOAT: Float64,
+    DIAGNOSTICS: DiagnosticArray,
+}
 """Message classes by their ROS name."""
+
+LONGEST_TRAJECTORY = 400_000
+"""A trajectory of more bytes, some thousand points, would take longer to read than commands may be silent."""
 
 LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
 
@@ -33,6 +45,35 @@ def foreign_block(data: bytes) -> Block:
     except Exception as error:  # rclpy raises RuntimeError and others; all mean that it is no message
         raise BlockError(f"not a Float64MultiArray: {error}") from error
     return read_block(message)
+
+
+def trajectory(data: bytes) -> Trajectory:
+    """The trajectory in the bytes of a JointTrajectory; its accelerations and efforts are not used.
+
+    Raises:
+        BenchError: it is no such message, too long, or a point has not one position, or more than one velocity.
+    """
+    if len(data) > LONGEST_TRAJECTORY:
+        raise BenchError(f"it has {len(data)} bytes, {LONGEST_TRAJECTORY} are allowed; send it in parts")
+    try:
+        message = deserialize_message(data, JointTrajectory)
+    except Exception as error:  # as above
+        raise BenchError(f"not a JointTrajectory: {error}") from error
+    for number, point in enumerate(message.points, start=1):
+        if len(point.positions) != 1 or len(point.velocities) > 1:
+            found = f"{len(point.positions)} positions and {len(point.velocities)} velocities"
+            raise BenchError(f"point {number} has {found}, expected one position and at most one velocity")
+    return Trajectory(
+        joints=tuple(message.joint_names),
+        start=_seconds(message.header.stamp),
+        time=np.array([_seconds(point.time_from_start) for point in message.points]),
+        position=np.array([point.positions[0] for point in message.points]),
+        velocity=np.array([point.velocities[0] if point.velocities else math.nan for point in message.points]),
+    )
+
+
+def _seconds(time: Time | Duration) -> float:
+    return float(time.sec + time.nanosec / 1e9)  # not times 1e-9: 0.3 s is to be 0.3 s
 
 
 def stamp(time: float) -> Time:

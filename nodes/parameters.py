@@ -11,7 +11,9 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from pzt_ros.errors import BenchError
 from pzt_ros.quantities import choices_of, parameters_of
+from pzt_ros.scenario import AS_FAST_AS_POSSIBLE, RATES
 
 Owner = TypeVar("Owner")
 Settings = TypeVar("Settings")
@@ -21,6 +23,18 @@ def declare_text(node: Node, name: str, default: str, description: str) -> str:
     """A read-only text parameter; returns its value."""
     descriptor = ParameterDescriptor(description=description, read_only=True)
     return str(node.declare_parameter(name, default, descriptor).value)
+
+
+def declare_rate(node: Node) -> str:
+    """The pace of the run, by the read-only parameter `rate`.
+
+    Raises:
+        BenchError: there is no such pace.
+    """
+    rate = declare_text(node, "rate", AS_FAST_AS_POSSIBLE, f"pace: one of {', '.join(RATES)}")
+    if rate not in RATES:
+        raise BenchError(f"{node.get_name()}: rate '{rate}' is not one of {', '.join(RATES)}")
+    return rate
 
 
 def declare_all(node: Node, prefix: str, owner: Owner, *, read_only: bool = False) -> Owner:

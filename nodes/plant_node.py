@@ -6,14 +6,13 @@ import time
 
 from pzt_nodes.graph_node import GraphNode
 from pzt_nodes.latency import LatencyLog
-from pzt_nodes.parameters import declare_all, declare_text
+from pzt_nodes.pace import Pace
+from pzt_nodes.parameters import declare_all, declare_rate
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
-from pzt_ros.errors import BenchError
 from pzt_ros.hardware.stage import Relay, SimulatedStage, Truth
 from pzt_ros.reference import block_times
-
-REAL_TIME, AS_FAST_AS_POSSIBLE = "real time", "as fast as possible"
+from pzt_ros.scenario import REAL_TIME
 
 
 class PlantNode(GraphNode):
@@ -26,22 +25,18 @@ class PlantNode(GraphNode):
     def __init__(self) -> None:
         super().__init__("plant")
         chain = self.load_plant()
-        rate = declare_text(self, "rate", AS_FAST_AS_POSSIBLE, f"pace: '{REAL_TIME}' or '{AS_FAST_AS_POSSIBLE}'")
-        if rate not in (REAL_TIME, AS_FAST_AS_POSSIBLE):
-            raise BenchError(f"plant: rate '{rate}' is not one of '{REAL_TIME}', '{AS_FAST_AS_POSSIBLE}'")
-        self.real_time = rate == REAL_TIME
+        self._pace = Pace() if declare_rate(self) == REAL_TIME else None
+        self._enabled = True  # until the amplifier says otherwise
         self.relay = declare_all(self, "relay", Relay(), read_only=True)
         self.stage = SimulatedStage(chain, self.rest)
         self.stage.warm_up()
         self._voltage = 0.0
         self._next_block = 0
         self._heard = time.monotonic()
-        self._began: float | None = None
-        self._late = 0
-        self._worst = 0.0
         self._said: float | None = None
         self._responses = LatencyLog()
         self.listen("applied", self._on_applied)
+        self.listen_to_health(self._on_health)
         self.create_timer(0.05, self._watch)
 
     def _on_applied(self, block: Block) -> None:
@@ -51,26 +46,21 @@ class PlantNode(GraphNode):
         self._voltage = float(block["voltage_V"][-1])
         self._next_block = self.tick_of(block) + 1
         truth = self.stage.step(block.time, block["voltage_V"])
-        if self.real_time:
-            self._wait_for(float(block.time[-1]) + 1.0 / self.sample_rate)
+        if self._pace is not None and self._enabled:
+            self._pace.wait_for(float(block.time[-1]) + 1.0 / self.sample_rate)
         self._say(truth)
+
+    def _on_health(self, role: str, _level: str, _text: str, values: dict[str, str]) -> None:
+        """Only a beat of commands has a pace: a ramp keeps its own, and between two beats time stands still."""
+        if role == "amplifier":
+            self._enabled = values.get("state") == "enabled"
+            if self._pace is not None and not self._enabled:
+                self._pace.pause()
 
     def _say(self, truth: Truth) -> None:
         self.ticks += 1
         self.publish("truth", truth.time, truth.displacement, truth.polarization, truth.phase_fraction)
         self._said = time.monotonic()
-
-    def _wait_for(self, due: float) -> None:
-        """Wait until the run's own time `due` [s] has come on the wall clock; count the blocks that come too late."""
-        now = time.monotonic()
-        if self._began is None:
-            self._began = now - due
-        lateness = now - self._began - due
-        if lateness < 0.0:
-            time.sleep(-lateness)
-        elif lateness > 0.0:
-            self._late += 1
-            self._worst = max(self._worst, lateness)
 
     def _watch(self) -> None:
         """The relay: opened when the amplifier has been silent for too long with voltage on the stack."""
@@ -88,9 +78,8 @@ class PlantNode(GraphNode):
         """The pace that was kept, the voltage left on the stack, and how soon the graph answers a block of truth."""
         level, text, values = super().health()
         values["stack_voltage_V"] = round(self._voltage, 6)
-        if self.real_time:
-            values["late_blocks"] = self._late
-            values["worst_lateness_s"] = round(self._worst, 6)
+        if self._pace is not None:
+            values.update(self._pace.summary())
         values.update(self._responses.summary("response"))
         return level, text, values
 

@@ -39,16 +39,29 @@ class RecorderNode(GraphNode):
         self._recording = True
         self._failed = False
         self._ears = Node("recorder_ears", namespace=self.get_namespace())
-        self._queues = [self._listen(topic) for topic in subscribed_by("recorder")]
+        axes = declare_text(self, "axes", "", "namespaces of the axes to record, comma separated; its own by default")
+        self.axes = tuple(axes.split(",")) if axes else self.axes
+        self._names = {self.name_on(axis, topic): topic for axis in self.axes for topic in subscribed_by("recorder")}
+        self._queues = [self._listen(name, topic) for name, topic in self._names.items()]
         self.create_service(SetBool, "record", self._on_record)
         self.create_timer(DRAIN_PERIOD, self._drain)
         self.create_timer(FLUSH_PERIOD, lambda: self._guarded(self._writer.flush))
 
-    def _listen(self, topic: Topic) -> tuple[int, Any]:
-        name = self.resolve_topic_name(topic.name)
+    def _listen(self, name: str, topic: Topic) -> tuple[int, Any]:
         channel = self._writer.add_topic(name, topic.type, QOS[topic.qos])
         qos = self._qos(topic, QOS[topic.qos].recorder_depth)
         return channel, self._ears.create_subscription(TYPES[topic.type], name, lambda _: None, qos, raw=True)
+
+    def missing(self) -> list[str]:
+        """Publishers that the recorder's own readers have not found: what these say now would not be in the bag.
+
+        That they are known to exist is not enough: they find each other one by one, and from both sides.
+        """
+        return super().missing() + [
+            f"{name} not matched"
+            for (name, topic), (_, subscription) in zip(self._names.items(), self._queues, strict=True)
+            if topic.publisher in self.peers and subscription.get_publisher_count() == 0
+        ]
 
     def _drain(self) -> None:
         """Write all that has arrived, in the order of arrival."""

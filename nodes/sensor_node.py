@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pzt_nodes.graph_node import GraphNode
+from pzt_nodes.managed_node import ManagedNode
 from pzt_nodes.messages import joint_state
 from pzt_nodes.parameters import declare_driver
 from pzt_nodes.spin import main as run_node
@@ -12,8 +12,8 @@ from pzt_ros.hardware.driver import Bench
 from pzt_ros.hardware.table import SENSORS, find_sensor
 
 
-class SensorNode(GraphNode):
-    """A displacement sensor, chosen by the parameter `driver`.
+class SensorNode(ManagedNode):
+    """A displacement sensor, chosen by the parameter `driver`; it is open while the node is configured.
 
     The simulated one reads the plant's `truth`. Every other is asked for a block when the amplifier says in `applied`
     that the block was put out; what it cannot read is not said, and the amplifier notices the silence.
@@ -23,17 +23,43 @@ class SensorNode(GraphNode):
         super().__init__("sensor")
         settings = declare_driver(self, SENSORS, find_sensor)
         self.driver = settings.build(Bench(self.load_plant(), self.rest, self.sample_rate, self.block_size))
-        self.driver.open()
-        self.driver.warm_up()
         self._remark = ""
-        self._say_remark()
         self.axis = self.get_namespace().strip("/").replace("/", "_") or "stage"
         if settings.reads_truth:
             self.listen("truth", self._on_block)
         else:
             self.listen("applied", self._on_block)
+        self.start()
+        self._say_remark()
+
+    # -- life cycle
+
+    def configure(self) -> None:
+        """Open the driver."""
+        self.driver.open()
+        self.driver.warm_up()
+
+    def activate(self) -> None:
+        """Nothing is asked of a sensor before its first block."""
+
+    def unsafe(self) -> str:
+        """A sensor is safe."""
+        return ""
+
+    def safe_within(self) -> float:
+        """At once [s]."""
+        return 0.0
+
+    def cleanup(self) -> None:
+        """Close the driver."""
+        self.driver.close()
+
+    # -- blocks
 
     def _on_block(self, block: Block) -> None:
+        if self.inactive:
+            self.counts["not measured while inactive"] += 1
+            return
         truth = block["displacement_m"] if "displacement_m" in block.columns else block.time
         try:
             measurement = self.driver.read(block.time, truth)
@@ -59,6 +85,7 @@ class SensorNode(GraphNode):
     def close(self) -> None:
         """Let go of the instrument."""
         self.driver.close()
+        super().close()
 
 
 def main() -> None:

@@ -20,6 +20,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from pzt_nodes.clock_guard import ClockGuard
 from pzt_ros.errors import BenchError
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def run(makes: Sequence[Callable[[], GraphNode]]) -> int:
         return 2
     finally:
         for node in nodes:
+            node.settle()
+        for node in nodes:
             node.close()
             node.destroy_node()
         rclpy.try_shutdown()
@@ -65,6 +68,11 @@ def _spin(nodes: list[GraphNode], asked: list[int]) -> int:
     # What exists now stays; without this every full collection walks the imported libraries, and a tick waits for it.
     gc.collect()
     gc.freeze()
+    with ClockGuard(executor, nodes):
+        return _spin_to_the_end(executor, nodes, asked)
+
+
+def _spin_to_the_end(executor: Any, nodes: list[GraphNode], asked: list[int]) -> int:
     never: Future = Future()
     stopping: float | None = None
     while True:

@@ -16,10 +16,10 @@ from pzt_ros.controllers.controller import Feedback
 from pzt_ros.controllers.feasible import Forecast, forecast, require
 from pzt_ros.controllers.loop import ControlLoop
 from pzt_ros.errors import RunFailedError
-from pzt_ros.experiments.experiment import Experiment
 from pzt_ros.hardware.amplifier import Applied, SimulatedAmplifier
 from pzt_ros.hardware.guard import GuardedAmplifier
 from pzt_ros.hardware.stage import SimulatedSensor, SimulatedStage, Truth
+from pzt_ros.manual import conductor
 from pzt_ros.observers.observer import Estimate
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.reference import VOLTAGE, Reference
@@ -59,7 +59,7 @@ class InProcessLoop:
             handover_time=scenario.timing.handover_time,
             bounds=scenario.bounds,
         )
-        self.experiment: Experiment = scenario.experiment()
+        self.experiment = conductor(scenario)
 
     def start(self) -> Tick:
         """The first block: the voltage found at the stack, held."""
@@ -72,6 +72,7 @@ class InProcessLoop:
         Raises:
             RunFailedError: the amplifier refused the command, or is in fault.
         """
+        self.experiment.observe(last.applied.time, last.applied.voltage)
         reference = self.experiment.step(
             self.amplifier.next_block, float(last.measurement.mean()), float(last.applied.voltage[-1])
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,17 @@ from pzt_ros.controllers.controller import Controller
 from pzt_ros.controllers.table import CONTROLLERS
 from pzt_ros.errors import BenchError
 from pzt_ros.experiments.experiment import Experiment
-from pzt_ros.experiments.phases import PHASES, Phase
+from pzt_ros.experiments.operation import ManualOperation
+from pzt_ros.experiments.phases import PHASES, FromFile, Phase
 from pzt_ros.experiments.procedures import phases_of
 from pzt_ros.hardware.guard import Limits
 from pzt_ros.observers.observer import Observer
 from pzt_ros.observers.table import OBSERVERS
 from pzt_ros.quantities import build, parameter, parameters_of
+
+AS_FAST_AS_POSSIBLE, REAL_TIME = "as fast as possible", "real time"
+RATES = (AS_FAST_AS_POSSIBLE, REAL_TIME)
+"""The paces of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +48,9 @@ class Scenario:
         limits: of the amplifier.
         observer: with its gains.
         controllers: by name, with their gains.
-        phases: what happens, in order.
+        phases: what happens, in order; none where an operator says what happens.
+        manual: settings of manual operation; None for a scenario with phases.
+        rate: the pace it is meant for, one of `RATES`.
         source: the file it came from.
     """
 
@@ -55,6 +63,8 @@ class Scenario:
     observer: Observer
     controllers: dict[str, Controller]
     phases: tuple[Phase, ...]
+    manual: ManualOperation | None
+    rate: str
     source: Path
 
     @property
@@ -77,12 +87,19 @@ class Scenario:
         """Of what a controller may ask: the amplifier's own limits."""
         return Bounds(**{name: getattr(self.limits, name) for name in parameters_of(Bounds)})
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Paths of the references that come from files."""
+        return tuple(phase.path for phase in self.phases if isinstance(phase, FromFile))
+
     def experiment(self) -> Experiment:
         """A conductor at the beginning of this scenario."""
         return Experiment(self.phases, self.sample_rate, self.block_size)
 
 
-_KEYS = ("scenario", "description", "plant", "model", "observer", "controllers", "limits", "phases")
+_KEYS = (
+    "scenario", "description", "plant", "model", "observer", "controllers", "limits", "phases", "manual", "rate",
+)  # fmt: skip
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
@@ -99,9 +116,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     for key in data:
         if key not in _KEYS and key not in timing_keys:
             raise BenchError(f"{where}: unknown key {key!r}; known are {', '.join((*_KEYS, *timing_keys))}")
-    for key in ("plant", "model", "phases"):
+    for key in ("plant", "model"):
         if key not in data:
             raise BenchError(f"{where}: key '{key}' is missing")
+    if ("phases" in data) == ("manual" in data):
+        raise BenchError(f"{where}: say either 'phases:', a list of them, or 'manual:' for an operator")
     timing = build(Timing, {key: data[key] for key in timing_keys if key in data}, where)
     for key in ("block_size", "seed"):
         if getattr(timing, key) != int(getattr(timing, key)):
@@ -116,7 +135,9 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         limits=build(Limits, data.get("limits") or {}, f"{where}: limits"),
         observer=_observer(data.get("observer") or {}, where),
         controllers=_controllers(data.get("controllers") or {}, where),
-        phases=_phases(data["phases"], where),
+        phases=_phases(data["phases"], where, path) if "phases" in data else (),
+        manual=_manual(data["manual"], where) if "manual" in data else None,
+        rate=_rate(data.get("rate", AS_FAST_AS_POSSIBLE), where),
         source=path,
     )
 
@@ -151,7 +172,36 @@ def _controllers(entries: Any, where: str) -> dict[str, Controller]:
     }
 
 
-def _phases(entries: Any, where: str) -> tuple[Phase, ...]:
+def _manual(entry: Any, where: str) -> ManualOperation:
+    operation: ManualOperation = build(ManualOperation, entry or {}, f"{where}: manual")
+    _known_controller(operation.controller, f"{where}: manual")
+    return operation
+
+
+def _rate(value: Any, where: str) -> str:
+    if value not in RATES:
+        raise BenchError(f"{where}: rate {value!r} is not one of {', '.join(RATES)}")
+    return str(value)
+
+
+def _known_controller(name: str, where: str) -> None:
+    if name not in CONTROLLERS:
+        raise BenchError(f"{where}: unknown controller '{name}'; known are {', '.join(CONTROLLERS)}")
+
+
+def _found(phase: FromFile, where: str, scenario: Path) -> FromFile:
+    """The phase with an absolute path; the run's own copy of a file lies beside that of the scenario."""
+    beside = scenario.parent / phase.path
+    path = beside if beside.is_file() else scenario.parent / Path(phase.path).name
+    if not path.is_file():
+        raise BenchError(f"{where}: path '{phase.path}': no such file; a relative one starts at {scenario.parent}")
+    found = dataclasses.replace(phase, path=str(path))
+    if not found.length > 0.0:
+        raise BenchError(f"{where}: {path} ends when it begins; give rows at different times")
+    return found
+
+
+def _phases(entries: Any, where: str, scenario: Path) -> tuple[Phase, ...]:
     if not isinstance(entries, list) or not entries:
         raise BenchError(f"{where}: phases: expected a list of phases, found {entries!r}")
     phases: list[Phase] = []
@@ -165,8 +215,9 @@ def _phases(entries: Any, where: str) -> tuple[Phase, ...]:
             raise BenchError(f"{here}: expected {known}; found {entry!r}")
         values = {key: value for key, value in entry.items() if key != "phase"}
         phase = build(PHASES[entry["phase"]], values, f"{here} ({entry['phase']})")
-        controller = getattr(phase, "controller", "")
-        if controller and controller not in CONTROLLERS:
-            raise BenchError(f"{here}: unknown controller '{controller}'; known are {', '.join(CONTROLLERS)}")
+        if isinstance(phase, FromFile):
+            phase = _found(phase, here, scenario)
+        if controller := getattr(phase, "controller", ""):
+            _known_controller(controller, here)
         phases.append(phase)
     return tuple(phases)

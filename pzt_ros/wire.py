@@ -45,3 +45,9 @@ def decode(data: bytes, columns: tuple[str, ...], count: int) -> Block | None:
     if not data.startswith(head) or len(data) != len(head) + 8 * count * len(columns):
         return None
     return Block.unchecked(columns, np.frombuffer(data, dtype="<f8", offset=len(head)).reshape(count, len(columns)))
+
+
+def decode_any(data: bytes, columns: tuple[str, ...]) -> Block | None:
+    """The block of these columns in `data`, however many samples it has; or None, as `decode` has it."""
+    count, rest = divmod(len(data) - len(prefix(columns, 1)), 8 * len(columns))
+    return decode(data, columns, count) if count > 0 and not rest else None

@@ -26,7 +26,16 @@ from pzt_ros.errors import BenchError
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of the content
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_INDEX_HEAD = struct.Struct("<HI")  # channel, length of the entries
 _FIRST_PRIVATE_OPCODE = 0x80
+_OF_THE_SUMMARY = (
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.STATISTICS,
+    Opcode.METADATA_INDEX,
+    Opcode.SUMMARY_OFFSET,
+)
+"""Kinds of records that have no place among the data; a chunk whose kind was altered may look like one of them."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +113,9 @@ class McapFile:
         except DamageError as damage:
             self.damage = damage
             self._end = damage.offset
+            self.tallies = {}  # the damage may lie before what was counted already
+            for topic, log_time, _ in self.messages():
+                self.tallies.setdefault(topic, Tally()).add(log_time)
         for topic in declared.topics.values():
             self.tallies.setdefault(topic, Tally())
 
@@ -136,13 +148,19 @@ def _walk(data: memoryview, end: int, declared: _Declared, verify: bool) -> Iter
     offset = len(MAGIC)
     checksum = zlib.crc32(data[:offset])
     data_end_seen = False
+    chunks_seen = False
+    unsure: int | None = None  # the first record that is not what a file with chunks is made of
     summary_start = offset
     summary = _Declared()  # repeats what the data section declares, and adds the topics that never had a message
     while offset < end:
         opcode, start, stop = _frame(data, offset, end)
         content = data[start:stop]
+        damaged = offset
         try:
+            if chunks_seen and (opcode == Opcode.MESSAGE or opcode >= _FIRST_PRIVATE_OPCODE):
+                unsure = offset if unsure is None else unsure
             if opcode == Opcode.CHUNK:
+                chunks_seen = True
                 yield from _chunk_messages(content, declared, verify)
             elif opcode == Opcode.FOOTER:
                 if verify:
@@ -152,14 +170,17 @@ def _walk(data: memoryview, end: int, declared: _Declared, verify: bool) -> Iter
             elif opcode == Opcode.DATA_END:
                 expected = DataEnd.read(_stream(content)).data_section_crc
                 if verify and expected not in (0, checksum):
+                    damaged = offset if unsure is None else unsure
                     raise ValueError("checksum of the data section is wrong, some record before it was altered")
                 data_end_seen, summary_start = True, stop
+            elif opcode in _OF_THE_SUMMARY and not data_end_seen:
+                raise ValueError(f"a record of the summary (0x{opcode:02x}) among the data")
             else:
                 message = _other_record(opcode, content, summary if data_end_seen else declared)
                 if message is not None:
                     yield message
         except Exception as error:  # parser and decompressors raise a dozen kinds; to the reader they are one
-            raise DamageError(offset, str(error) or type(error).__name__) from None
+            raise DamageError(damaged, str(error) or type(error).__name__) from None
         if verify and not data_end_seen:
             checksum = zlib.crc32(data[offset:stop], checksum)
         offset = stop
@@ -193,6 +214,10 @@ def _other_record(opcode: int, content: memoryview, declared: _Declared) -> Stor
     if opcode == Opcode.SCHEMA:
         schema = Schema.read(_stream(content))
         declared.schemas[schema.id] = schema.name
+    elif opcode == Opcode.MESSAGE_INDEX:
+        _, length = _INDEX_HEAD.unpack_from(content)
+        if length != len(content) - _INDEX_HEAD.size:
+            raise ValueError("a record that is no index of messages, though it says so")
     elif opcode == Opcode.CHANNEL:
         channel_record = Channel.read(_stream(content))
         type_name = declared.schemas.get(channel_record.schema_id, "")

@@ -19,7 +19,7 @@ def bench(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            help="benchmarks to run: ticks, measured, physics (by default these), tracking, observer",
+            help="benchmarks to run: ticks, measured, physics (by default these), tracking, observer, panel",
             show_default=False,
         ),
     ] = None,

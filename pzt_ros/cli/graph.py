@@ -14,9 +14,19 @@ from typing import Annotated, Any
 
 import typer
 
-from pzt_ros.errors import BenchError
+from pzt_ros.errors import BenchError, RunFailedError
 
-RUN_FILES = ("bag", "log", "figures", "run.json", "scenario.yaml", "parameters.yaml", "report.html", "report.json")
+RUN_FILES = (
+    "bag",
+    "log",
+    "figures",
+    "run.json",
+    "scenario.yaml",
+    "parameters.yaml",
+    "report.html",
+    "report.json",
+    "recorder.yaml",
+)
 """What a run and its report leave in a run folder."""
 
 Out = Annotated[Path | None, typer.Option(help="run folder; runs/SCENARIO-TIME by default")]
@@ -40,20 +50,37 @@ def run(
     drivers: Annotated[Path | None, typer.Option(help="YAML file of instruments; simulated ones by default")] = None,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
+    replay: Annotated[
+        Path | None, typer.Option(metavar="BAG", help="run nothing; feed a bag to one node, compare its answers")
+    ] = None,
+    node: Annotated[str, typer.Option(help="with --replay: observer, controller, amplifier or sensor")] = "observer",
+    tolerance: Annotated[
+        float, typer.Option(help="with --replay: difference allowed, as share of a column's largest value")
+    ] = 1e-9,
 ) -> None:
     """Start the node graph, run a scenario, record a bag, stop cleanly, write the run's report.
 
     A scenario that asks for more stroke, slew or current than its model has is refused before anything moves.
 
-    Example: pzt run scan --out runs/first
+    Examples: pzt run scan --out runs/first; pzt run --replay runs/first/bag --node controller
     """
+    if replay is not None:
+        raise typer.Exit(_replay(replay, node, tolerance, as_json))
+    from pzt_ros.axes import axes_of
     from pzt_ros.loop import refuse_what_cannot_be
     from pzt_ros.scenario import load_scenario
 
-    refuse_what_cannot_be(load_scenario(scenario))
+    for one in [axis.scenario for axis in axes_of(scenario)] or [scenario]:
+        refuse_what_cannot_be(load_scenario(one))
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace, "--drivers": drivers}
     flags = {"--composed": composed, "--real-time": real_time}
     run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)
+
+
+def _replay(bag: Path, node: str, tolerance: float, as_json: bool) -> int:
+    """One node against a recorded run, in processes of its own, which say what they find; returns the exit code."""
+    command = [sys.executable, "-m", "pzt_bringup.replay", str(bag), "--node", node, "--tolerance", repr(tolerance)]
+    return abs(subprocess.run([*command, *["--json"] * as_json], check=False).returncode)
 
 
 def run_folder(out: Path | None, scenario: str, overwrite: bool) -> Path:
@@ -72,13 +99,19 @@ def run_folder(out: Path | None, scenario: str, overwrite: bool) -> Path:
         raise BenchError(
             f"{out} holds a bag but no run.json, so it is no run folder to overwrite; choose another --out"
         )
-    for name in RUN_FILES:
+    for name in (*RUN_FILES, *_axes_in(out)):
         path = out / name
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
         else:
             path.unlink(missing_ok=True)
     return out
+
+
+def _axes_in(out: Path) -> list[str]:
+    """The folders of a run's axes, where it has several."""
+    found: list[str] = json.loads((out / "run.json").read_text(encoding="utf-8")).get("axes", [])
+    return found
 
 
 def run_and_report(
@@ -90,28 +123,42 @@ def run_and_report(
         typer.Exit: with the exit code of the graph, unless it is 0.
         BenchError: the run went well, but there is no report to be made of it.
     """
-    from pzt_ros.report.run import read_summary, write_run_report
+    from pzt_ros.axes import axes_of
 
     code = bring_up(scenario, folder, options, flags)
-    try:
-        if code == 0 or (folder / "bag").exists():
-            page = write_run_report(folder)
-            summary = read_summary(folder)
-            typer.echo(json.dumps({**summary, "report": str(page)}, indent=1)) if as_json else show(summary, page)
-    except BenchError as error:
-        if code == 0:
-            raise
-        typer.echo(f"no report: {error}", err=True)
+    axes = [(folder / axis.name, axis.scenario) for axis in axes_of(scenario)]
+    for run, name in axes or [(folder, scenario)]:
+        if code == 0 or (run / "bag").exists():
+            _report(run, name, code, as_json)
     if code != 0:
         raise typer.Exit(code)  # the graph has said why
 
 
-def bring_up(scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool]) -> int:
-    """Run the graph in a process of its own, which says what is wrong; returns its exit code, 1 if killed."""
+def _report(folder: Path, scenario: str, code: int, as_json: bool) -> None:
+    from pzt_ros.report.run import read_summary, write_run_report
+    from pzt_ros.scenario import load_scenario
+
+    try:
+        page = write_run_report(folder)
+        summary = read_summary(folder)
+        typer.echo(json.dumps({**summary, "report": str(page)}, indent=1)) if as_json else show(summary, page)
+    except BenchError as error:
+        idle = isinstance(error, RunFailedError) and load_scenario(scenario).manual  # an operator who enabled nothing
+        if code == 0 and not idle:
+            raise
+        typer.echo(f"no report: {error}", err=True)
+
+
+def graph_command(scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool]) -> list[str]:
+    """What starts the graph: options that are None, and flags that are not wanted, are left out."""
     command = [sys.executable, "-m", "pzt_bringup", scenario, "--out", str(folder)]
     command += [word for name, value in options.items() if value is not None for word in (name, str(value))]
-    command += [name for name, wanted in flags.items() if wanted]
-    process = subprocess.Popen(command)
+    return command + [name for name, wanted in flags.items() if wanted]
+
+
+def bring_up(scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool]) -> int:
+    """Run the graph in a process of its own, which says what is wrong; returns its exit code, 1 if killed."""
+    process = subprocess.Popen(graph_command(scenario, folder, options, flags))
     try:
         code = process.wait()
     except KeyboardInterrupt:  # the graph heard it, too, and brings the stage to 0 V

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.experiments.phases import Phase
+from pzt_ros.physics.signals import Array
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference, block_times
 
 
@@ -36,6 +37,20 @@ class Experiment:
     def length(self) -> float:
         """Duration of the whole scenario [s]."""
         return sum(self._blocks) * self.block_size / self.sample_rate
+
+    @property
+    def left(self) -> float:
+        """Of the scenario [s]."""
+        blocks = sum(self._blocks[self._phase :]) - self._block
+        return blocks * self.block_size / self.sample_rate
+
+    @property
+    def doing(self) -> str:
+        """The kind of the phase the next block belongs to; over when there is none."""
+        return self.phase.kind if self.phase is not None else "over"
+
+    def observe(self, time: Array, voltage: Array) -> None:
+        """A block was applied; a scenario goes on whatever it was."""
 
     def spans(self, first_block: int = 1) -> list[tuple[Phase, float, float]]:
         """Each phase with the time [s] at which it begins and ends, if its first block has that number."""

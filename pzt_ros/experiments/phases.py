@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import choice, parameter
+from pzt_ros.records import read_csv
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE
 
 
@@ -104,5 +107,37 @@ class Scan(Phase):
         return self.low + self.peak_to_peak * part
 
 
-PHASES: dict[str, type[Phase]] = {phase.kind: phase for phase in (VoltageRamp, Move, Scan)}
+@dataclass(frozen=True, kw_only=True)
+class FromFile(Phase):
+    """The displacement of a CSV file (time_s, and reference_m or displacement_m), linear between its rows.
+
+    It begins at its first row, whenever that was, and holds its last.
+    """
+
+    kind: ClassVar[str] = "file"
+    quantity: ClassVar[str] = DISPLACEMENT
+
+    path: str = choice("", (), "CSV file; a relative path starts at the scenario's folder")
+    controller: str = choice("", (), "controller to switch to; none keeps the one that is active")
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array]:
+        """Times from the first row on [s], and displacements [m]."""
+        record = read_csv(self.path, required=("time_s",))
+        places = record.reference if record.reference is not None else record.columns.get("displacement_m")
+        if places is None:
+            raise BenchError(f"{self.path}: neither reference_m nor displacement_m is among its columns; name one so")
+        return record.time - record.time[0], places
+
+    @property
+    def length(self) -> float:
+        """Duration [s]."""
+        return float(self._rows[0][-1])
+
+    def value(self, start: float, time: Array) -> Array:
+        """Displacement [m]."""
+        return np.interp(time, *self._rows)
+
+
+PHASES: dict[str, type[Phase]] = {phase.kind: phase for phase in (VoltageRamp, Move, Scan, FromFile)}
 """Every phase a scenario may name; a new one is one line here."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numba import njit
@@ -63,6 +63,15 @@ class AmplifierDriver(Protocol):
 
     def warm_up(self) -> None:
         """Get ready for the first block without putting anything out."""
+
+
+@runtime_checkable
+class Thermometer(Protocol):
+    """An amplifier driver that also measures a temperature, of itself or of the stack."""
+
+    @property
+    def temperature(self) -> float:
+        """Last one known [K]; asked for often, so it does not wait for the instrument."""
 
 
 class SimulatedAmplifier:

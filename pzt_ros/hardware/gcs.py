@@ -91,6 +91,10 @@ class GcsConnection:
             raise self._failed(f"cannot be reached ({_told(error)}); is it on, and is this its address?") from None
         self._received = b""
 
+    def allow_attempt(self) -> None:
+        """The next attempt may be made at once: somebody asked for it."""
+        self._next_attempt = 0.0
+
     def close(self) -> None:
         """Drop the connection; may be called from another thread, and again."""
         connection, self._socket = self._socket, None

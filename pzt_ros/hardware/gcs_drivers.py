@@ -130,6 +130,7 @@ class GcsAmplifier:
             DriverError: no answer, no PI controller, or the axis cannot be switched.
         """
         self._closed = False
+        self._connection.allow_attempt()
         identity = self._prepare()
         found = self._voltage
         limits = [self._limit(question) for question in ("VMI?", "VMA?")]
@@ -224,12 +225,15 @@ class GcsAmplifier:
         return max(self._due + self._period, now + _SHORTEST * self._period)
 
     def _come_down(self) -> None:
-        self._period = _CLOSING_STEP
+        period, self._period = self._period, _CLOSING_STEP
         step = self._settings.closing_rate * _CLOSING_STEP / self.gain
         command = self._voltage / self.gain
-        while command:
-            command = np.sign(command) * max(abs(command) - step, 0.0)
-            self._send(float(command))
+        try:
+            while command:
+                command = np.sign(command) * max(abs(command) - step, 0.0)
+                self._send(float(command))
+        finally:
+            self._period = period  # it may be opened again
 
 
 class GcsSensor:
@@ -256,6 +260,7 @@ class GcsSensor:
         Raises:
             DriverError: no answer, no PI controller, or no position.
         """
+        self._connection.allow_attempt()
         self.remark = self._connect()
         self._read()
         self._stop.clear()

@@ -32,7 +32,9 @@ class GuardedAmplifier:
     that is found at the stack then, so neither makes the stage jump.
     """
 
-    def __init__(self, driver: AmplifierDriver, limits: Limits, sample_rate: float, block_size: int) -> None:
+    def __init__(
+        self, driver: AmplifierDriver, limits: Limits, sample_rate: float, block_size: int, is_open: bool = True
+    ) -> None:
         self.driver = driver
         self.limits = limits
         self.sample_rate = sample_rate
@@ -44,13 +46,29 @@ class GuardedAmplifier:
         self._command = math.nan
         self._ceiling = math.inf  # no more than this can have been put out, up or down
         self._next = 0
-        self._lost = False
-        self._find()
+        self._lost = True
+        if is_open:
+            self._find()
 
     def warm_up(self) -> None:
         """Compile now what the first command would have to wait for."""
         _limit(np.zeros(2), 0.0, 0.0, 0.0, 1.0)
         self.driver.warm_up()
+
+    def opened(self) -> None:
+        """The driver was opened.
+
+        Raises:
+            BenchError: it cannot say the voltage at the stack.
+        """
+        found = self.driver.voltage
+        if not math.isfinite(found):
+            raise BenchError(f"the driver found {found} V at the stack; look at the amplifier")
+        self._find(at_rest=True)
+
+    def closed(self) -> None:
+        """The driver was closed: nobody knows the voltage any more."""
+        self._lost = True
 
     @property
     def state(self) -> str:

@@ -35,6 +35,23 @@ class Limits:
     discrepancy: float = parameter(
         5e-6, "m", "largest median of a block's innovation: sensor against observer", bounds=(1e-9, 1e-2)
     )
+    capacitance_min: float = parameter(
+        0.0, "F", "a stack that takes less charge than this a volt is not connected; 0: not looked at, for an "
+        "amplifier that measures no current", bounds=(0.0, 1e-2),
+    )  # fmt: skip
+
+    late_after: float = parameter(
+        4.0, "1", "in real time a command is late that comes more block periods than this after the block before it",
+        bounds=(1.0, 1e4),
+    )  # fmt: skip
+    late_commands: float = parameter(
+        50.0, "1", "so many late ones among the last late_window commands are too many; 0: only counted",
+        bounds=(0.0, 1e6),
+    )  # fmt: skip
+    late_window: float = parameter(100.0, "1", "commands that late_commands are counted among", bounds=(1.0, 1e6))
+    temperature: float = parameter(
+        358.15, "K", "highest temperature, where the driver measures one", bounds=(200.0, 600.0)
+    )
 
     @property
     def oldest_command(self) -> float:

@@ -36,12 +36,14 @@ ASKED = (COMMAND, ENABLE, ENABLE_EARLY, DISABLE, DISCHARGE, RESET, RESET_EARLY)
 
 NOT_FINITE, TOO_OLD, SILENT, SENDERS = "command not a number", "command too old", "commands silent", "two publishers"
 OVER_CURRENT, OVER_POWER, DRIVER_FAILED, ASKED_FAULT = "over-current", "over-power", "driver failed", "fault reported"
+OPEN_STACK, OVER_TEMPERATURE = "stack takes no charge", "over-temperature"
 SENSOR_LOST, SENSOR_NOT_FINITE = "sensor lost", "sensor not a number"
 SENSOR_STUCK, DISCREPANCY = "sensor stuck", "observer and sensor disagree"
+LATE = "commands late too often"
 
-OF_THE_RUN = (NOT_FINITE, TOO_OLD, SILENT, SENDERS, SENSOR_LOST, SENSOR_NOT_FINITE, SENSOR_STUCK, DISCREPANCY)
+OF_THE_RUN = (NOT_FINITE, TOO_OLD, SILENT, LATE, SENDERS, SENSOR_LOST, SENSOR_NOT_FINITE, SENSOR_STUCK, DISCREPANCY)
 """Causes that matter only where commands are followed."""
-OF_THE_DEVICE = (OVER_CURRENT, OVER_POWER, DRIVER_FAILED, ASKED_FAULT)
+OF_THE_DEVICE = (OVER_CURRENT, OVER_POWER, OVER_TEMPERATURE, OPEN_STACK, DRIVER_FAILED, ASKED_FAULT)
 """Causes that matter in every state."""
 CAUSES = OF_THE_RUN + OF_THE_DEVICE
 

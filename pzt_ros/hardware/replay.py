@@ -20,6 +20,8 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import choice
 from pzt_ros.records import Record
 
+ROOM = 293.15
+"""Temperature of a record that does not say it [K]."""
 _TOLERANCE = 1e-3
 """A sample may stand this far from its place on the grid of the sample rate [samples]."""
 
@@ -105,7 +107,8 @@ class ReplayAmplifier:
     """The amplifier of a recorded run.
 
     Its voltage cannot be brought to 0 V, because nothing is there: it stays what the record says until the driver is
-    closed. A record without current reads as 0 A; the charge is the integral of the current.
+    closed. A record without current reads as 0 A, one without temperature as room temperature; the charge is the
+    integral of the current.
     """
 
     gain = 1.0
@@ -116,6 +119,8 @@ class ReplayAmplifier:
         self._current: Array = np.empty(0)
         self._charge: Array = np.empty(0)
         self._voltage = 0.0
+        self._temperature: Array = np.empty(0)
+        self.temperature = ROOM
 
     @property
     def remark(self) -> str:
@@ -134,6 +139,8 @@ class ReplayAmplifier:
         self._current = record.current if record.current is not None else np.zeros(len(record))
         self._charge = np.cumsum(self._current) * self._period
         self._voltage = float(record.voltage[0])
+        self._temperature = record.temperature if record.temperature is not None else np.full(len(record), ROOM)
+        self.temperature = float(self._temperature[0])
 
     def close(self) -> None:
         """Put the record away."""
@@ -148,6 +155,7 @@ class ReplayAmplifier:
         rows = self._player.rows(time)
         voltage = self._player.record.voltage[rows]
         self._voltage = float(voltage[-1])
+        self.temperature = float(self._temperature[rows[-1]])
         return Applied(time, voltage, self._current[rows], self._charge[rows])
 
 

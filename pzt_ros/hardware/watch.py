@@ -8,16 +8,21 @@ from collections import deque
 import numpy as np
 
 from pzt_ros.hardware import machine
-from pzt_ros.hardware.amplifier import Applied
+from pzt_ros.hardware.amplifier import Applied, Thermometer
 from pzt_ros.hardware.guard import ENABLED, GuardedAmplifier
 from pzt_ros.physics.signals import Array
 
 _BLOCKS_KEPT = 4096
 """So many blocks of applied voltage may wait for the measurement that goes with them."""
 
+_OPEN_PATH = 20.0
+"""The voltage moves by so much, up and down [V], before a stack is said to take no charge."""
+
 
 class Watch:
-    """Tells the guard what it has seen; times are of a wall clock that never runs back [s].
+    """Tells the guard what it has seen; times are of a wall clock that never runs back [s], those of blocks of the run.
+
+    What is still said of blocks from before the amplifier was enabled does not count.
 
     A reading is stuck if it stays the same to the bit while the voltage of the blocks before it moves by more than the
     limit. A sensor is lost if a block was put out and no measurement of it or a later one comes; a graph without a
@@ -28,6 +33,7 @@ class Watch:
         self.amplifier = amplifier
         self._expects_sensor = expects_sensor
         self._last_command = 0.0
+        self._late: deque[bool] = deque()
         self._owed: deque[tuple[float, float]] = deque(maxlen=_BLOCKS_KEPT)
         self._waiting: deque[tuple[float, float, float]] = deque(maxlen=_BLOCKS_KEPT)
         self.restart(0.0)
@@ -35,14 +41,37 @@ class Watch:
     def restart(self, now: float) -> None:
         """The amplifier was enabled: what was before does not count."""
         self._last_command = now
+        amplifier = self.amplifier
+        self._begin = (amplifier.next_block * amplifier.block_size - 0.5) / amplifier.sample_rate
+        self._late.clear()
         self._owed.clear()
         self._waiting.clear()
+        self._path, self._charged, self._last_voltage = 0.0, 0.0, math.nan
         self._reading = math.nan
         self._lowest, self._highest = math.inf, -math.inf
 
     def age(self, now: float) -> float:
         """How long ago the last command was put out [s]."""
         return now - self._last_command
+
+    def paced(self, age: float, period: float) -> None:
+        """A command came `age` [s] after the block before it, where one is due every `period` [s]."""
+        limits = self.amplifier.limits
+        late = age > limits.late_after * period
+        self._late.append(late)
+        while len(self._late) > limits.late_window:
+            self._late.popleft()
+        if not late:
+            return
+        self.amplifier.counts["late commands"] += 1
+        found = sum(self._late)
+        if found >= limits.late_commands > 0.0:
+            longest = 1e3 * limits.late_after * period
+            self.amplifier.trip(
+                machine.LATE,
+                f"{found} of the last {len(self._late)} commands came more than {longest:g} ms after the block before, "
+                f"limit {limits.late_commands:g} of {limits.late_window:g}",
+            )
 
     def put_out(self, applied: Applied, now: float) -> None:
         """A command was put out."""
@@ -51,11 +80,31 @@ class Watch:
         if self._expects_sensor:
             self._owed.append((begin, now))
         self._waiting.append((begin, float(applied.voltage.min()), float(applied.voltage.max())))
+        self._connected(applied)
+
+    def _connected(self, applied: Applied) -> None:
+        """A stack that is there takes charge when the voltage moves."""
+        voltage, period = applied.voltage, float(applied.time[1] - applied.time[0])
+        before = voltage[0] if math.isnan(self._last_voltage) else self._last_voltage
+        self._path += float(np.sum(np.abs(np.diff(voltage, prepend=before))))
+        self._charged += float(np.sum(np.abs(applied.current))) * period
+        self._last_voltage = float(voltage[-1])
+        if self._path < _OPEN_PATH:
+            return
+        found, limit = self._charged / self._path, self.amplifier.limits.capacitance_min
+        self._path, self._charged = 0.0, 0.0
+        if found < limit:
+            self.amplifier.trip(
+                machine.OPEN_STACK,
+                f"the stack takes {1e9 * found:.3g} nC a volt, limit {1e9 * limit:.3g} nC; is it connected?",
+            )
 
     def measured(self, first_time: float, displacement: Array) -> None:
         """The sensor says a block of readings [m] that starts at `first_time` [s]."""
         while self._owed and self._owed[0][0] <= first_time:
             self._owed.popleft()
+        if not first_time >= self._begin:
+            return
         if not np.all(np.isfinite(displacement)):
             self.amplifier.trip(machine.SENSOR_NOT_FINITE, "the sensor's reading is not a finite number")
             return
@@ -77,8 +126,10 @@ class Watch:
                 f"limit {limit:.1f} V",
             )
 
-    def estimated(self, innovation: Array) -> None:
-        """The observer says by how much a block of readings differs from what it expected [m]."""
+    def estimated(self, first_time: float, innovation: Array) -> None:
+        """The observer says by how much the readings of a block differ from what it expected [m]."""
+        if not first_time >= self._begin:
+            return
         difference, limit = float(np.median(np.abs(innovation))), self.amplifier.limits.discrepancy
         if not difference <= limit:
             self.amplifier.trip(
@@ -91,12 +142,24 @@ class Watch:
         reason = f"{count} publishers on the topic of the commands, one is allowed" if count > 1 else ""
         self.amplifier.present(machine.SENDERS, reason)
 
+    def temperature(self) -> None:
+        """Ask a driver that measures a temperature; what is too hot stays a cause until it has cooled down."""
+        if not isinstance(self.amplifier.driver, Thermometer):
+            return
+        found, limit = self.amplifier.driver.temperature, self.amplifier.limits.temperature
+        hot = "" if found <= limit else f"temperature of {found:.1f} K, limit {limit:.1f} K"
+        self.amplifier.present(machine.OVER_TEMPERATURE, hot)
+
+    def unmeasured(self, now: float) -> float:
+        """For how long the oldest block that was put out has not been measured [s]."""
+        return now - self._owed[0][1] if self._owed else 0.0
+
     def look(self, now: float) -> None:
         """Time has passed: who should have said something by now?"""
         if self.amplifier.state != ENABLED:
             return
         limits = self.amplifier.limits
-        unmeasured = now - self._owed[0][1] if self._owed else 0.0
+        unmeasured = self.unmeasured(now)
         if unmeasured > limits.longest_unmeasured:
             self.amplifier.trip(
                 machine.SENSOR_LOST, f"no measurement for {unmeasured:.2f} s, limit {limits.longest_unmeasured:.2f} s"

@@ -12,7 +12,8 @@ from pzt_ros.bags.reader import Bag
 
 LEVELS = ("ok", "warn", "error", "stale")  # diagnostic_msgs/DiagnosticStatus
 
-_COUNTED = ("refused", "limited")
+_COUNTED = ("refused", "limited", "late")
+_PACE = ("paced_ticks", "missed_ticks", "lateness_p50_us", "lateness_p99_us", "lateness_p999_us", "lateness_max_us")
 
 
 @dataclass
@@ -23,8 +24,10 @@ class NodeHealth:
         node: its name, with the namespace.
         level, state: the last ones.
         ticks_per_second: median over the time it was running [1/s]; 0 where it never ran.
-        counts: of what it refused or limited, by reason.
+        counts: of what it refused or limited, or what came late, by reason.
         reason: why an amplifier is in fault; empty otherwise.
+        pace: ticks that had a place on the wall clock, those that missed it, percentiles of the lateness [us]; empty
+            for a node that keeps no pace.
     """
 
     node: str
@@ -33,6 +36,7 @@ class NodeHealth:
     ticks_per_second: float = 0.0
     counts: dict[str, int] = field(default_factory=dict)
     reason: str = ""
+    pace: dict[str, float] = field(default_factory=dict)
 
 
 def node_health(bag: Bag, topic: str = "/diagnostics") -> list[NodeHealth]:
@@ -55,6 +59,7 @@ def summarize(statuses: Iterable[Any]) -> list[NodeHealth]:
         health.counts = {
             key: int(value) for key, value in values.items() if key.startswith(_COUNTED) and value.isdigit()
         }
+        health.pace = {key: _number(values[key]) for key in _PACE if key in values}
         rates.setdefault(status.name, []).append(_number(values.get("ticks_per_second", "")))
     for name, health in nodes.items():
         running = [rate for rate in rates[name] if rate > 0.0]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pzt_ros.errors import BenchError
-from pzt_ros.experiments.phases import Phase, Scan
+from pzt_ros.experiments.phases import FromFile, Phase, Scan
 from pzt_ros.quantities import parameters_of
 from pzt_ros.records import write_text
 from pzt_ros.report.health import NodeHealth, node_health
@@ -92,6 +92,7 @@ def summarize(data: RunData, rows: Rows, health: list[NodeHealth]) -> dict[str, 
         "asked_s": data.duration,
         "wall_s": data.wall_time,
         "real_time_factor": data.recorded / data.wall_time if data.wall_time > 0.0 else None,
+        "pace": next((node.pace for node in health if node.pace.get("paced_ticks")), None),
         "counts": {node.node: node.counts for node in health if node.counts},
     }
 
@@ -164,6 +165,8 @@ def _asked(phase: Phase) -> str:
     if isinstance(phase, Scan):
         low, high = 1e6 * phase.low, 1e6 * (phase.low + phase.peak_to_peak)
         return f"{phase.shape}, {low:g} to {high:g} µm, {phase.frequency:g} Hz, {phase.cycles:g} cycles"
+    if isinstance(phase, FromFile):
+        return Path(phase.path).name
     unit, scale = ("V", 1.0) if phase.quantity == "voltage" else ("µm", 1e6)
     return f"to {scale * getattr(phase, 'to', math.nan):g} {unit}"
 

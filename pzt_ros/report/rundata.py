@@ -42,7 +42,8 @@ class RunData:
         voltage: across the ceramic [V, shape (n,)].
         current: into the ceramic [A, shape (n,)].
         stretches: the phases in time, as planned.
-        duration: end of the scenario as asked with --duration [s]; its full length otherwise.
+        duration: end of the scenario as asked with --duration [s]; its full length otherwise; 0 where an operator ended
+            it.
     """
 
     folder: Path
@@ -143,7 +144,7 @@ def read_run(folder: str | Path) -> RunData:
         bag=bag,
         time=(start + np.arange(count)) / rate,
         stretches=tuple(stretches(experiment.spans())),
-        duration=_asked_duration(folder, provenance) or experiment.length,
+        duration=0.0 if scenario.manual else _asked_duration(folder, provenance) or experiment.length,
         **{name: signal(name) for name in _SIGNALS},
     )
 

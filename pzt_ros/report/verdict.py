@@ -8,7 +8,7 @@ import numpy as np
 
 from pzt_ros.experiments.phases import Scan
 from pzt_ros.report.rundata import RunData
-from pzt_ros.report.tracking import PhaseTracking
+from pzt_ros.report.tracking import PhaseTracking, tracking_error
 
 Rows = Sequence[tuple[str, PhaseTracking]]
 
@@ -20,6 +20,12 @@ def verdict(data: RunData, rows: Rows) -> str:
         v, y = data.voltage[np.isfinite(data.voltage)], data.displacement[np.isfinite(data.displacement)]
         voltage = f"the voltage ran from {v.min():.1f} to {v.max():.1f} V" if v.size else "no voltage was recorded"
         displacement = f"the displacement from {1e6 * y.min():.3f} to {1e6 * y.max():.3f} µm"
+        error = tracking_error(data.reference, data.displacement, 0.0) if data.scenario.manual else None
+        if error is not None:
+            return (
+                f"{where}{voltage} and {displacement}; while an operator had the stage, it followed the reference with"
+                f" an RMS error of {nanometres(error.rms)}, {nanometres(error.maximum)} at most."
+            )
         return (
             f"{where}{voltage} and {displacement}; no displacement was recorded as asked for, so nothing was tracked."
         )

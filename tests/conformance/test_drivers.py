@@ -14,7 +14,7 @@ from driver_benches import RATE, SIZE, ready
 
 from pzt_ros.chains import load_chain
 from pzt_ros.errors import BenchError
-from pzt_ros.hardware.amplifier import AmplifierDriver, Applied
+from pzt_ros.hardware.amplifier import AmplifierDriver, Applied, Thermometer
 from pzt_ros.hardware.driver import Bench
 from pzt_ros.hardware.guard import DISABLED, ENABLED, RAMPING, GuardedAmplifier, Limits
 from pzt_ros.hardware.stage import SensorDriver
@@ -128,6 +128,28 @@ def test_close_leaves_zero_volts_and_may_be_called_again(kind: str, tmp_path: Pa
         driver.close()
 
 
+@pytest.mark.parametrize("kind", AMPLIFIERS)
+def test_an_amplifier_may_be_opened_again(kind: str, tmp_path: Path) -> None:
+    with ready(AMPLIFIERS[kind], tmp_path) as settings:
+        driver = settings.build(bench())
+        runs = []
+        for block in range(2):
+            driver.open()
+            runs.append(driver.apply(block_times(2 * block, SIZE, RATE), np.linspace(0.0, 5.0, SIZE) / driver.gain))
+            driver.apply(block_times(2 * block + 1, SIZE, RATE), np.linspace(5.0, 0.0, SIZE) / driver.gain)
+            driver.close()
+    for applied in runs:
+        for values in (applied.voltage, applied.current, applied.charge):
+            assert_block(values)
+    if kind != "replay":  # which goes on in its record
+        np.testing.assert_allclose(runs[1].voltage, runs[0].voltage, atol=1e-6)
+
+
+def test_a_temperature_is_a_number(amplifier: AmplifierDriver) -> None:
+    if isinstance(amplifier, Thermometer):
+        assert 200.0 < amplifier.temperature < 600.0
+
+
 class Counting:
     """Hands everything on to a driver and counts the blocks."""
 
@@ -213,6 +235,14 @@ def test_a_reading_is_a_block_of_finite_numbers(sensor: SensorDriver) -> None:
         kept = truth.copy()
         assert_block(sensor.read(time, truth))
         np.testing.assert_array_equal(truth, kept, err_msg="it changes nothing it was given")
+
+
+def test_a_sensor_may_be_opened_again(sensor: SensorDriver) -> None:
+    for block in range(2):
+        assert_block(sensor.read(block_times(block, SIZE, RATE), np.zeros(SIZE)))
+        sensor.close()
+        sensor.open()
+    assert_block(sensor.read(block_times(2, SIZE, RATE), np.zeros(SIZE)))
 
 
 def test_a_sensor_may_be_closed_again(sensor: SensorDriver) -> None:

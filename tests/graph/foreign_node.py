@@ -1,50 +1,5 @@
-"""A node written as a user would write it: plain rclpy, nothing of ours but the topic table to compare with."""
+"""A node that is none of ours; it lives where the long series are run from, too."""
 
-from __future__ import annotations
+from pzt_benchmarks.soak.foreign import ForeignNode
 
-import os
-from collections.abc import Callable
-from importlib import resources
-from types import TracebackType
-from typing import Any
-
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
-
-# Announces itself every 0.5 s instead of every 3 s, so that a run that starts soon is heard from its first block.
-os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(resources.files("pzt_config") / "fastdds.xml")
-
-
-class ForeignNode:
-    """Listens to topics in a ROS domain and keeps what it hears."""
-
-    def __init__(self, domain: int) -> None:
-        self._context = Context()
-        self._context.init(domain_id=domain)
-        self.node = Node("foreign", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self.heard: dict[str, list[Any]] = {}
-
-    def __enter__(self) -> ForeignNode:
-        return self
-
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self._context.try_shutdown()
-
-    def listen(self, topic: str, message_type: type) -> None:
-        """Keep every message of a topic."""
-        self.heard[topic] = []
-        self.node.create_subscription(message_type, topic, self.heard[topic].append, QoSProfile(depth=1000))
-
-    def spin_until(self, done: Callable[[], bool], patience: float = 60.0) -> None:
-        """Handle messages until a condition holds; fail if it does not in time."""
-        clock = self.node.get_clock()
-        deadline = clock.now().nanoseconds + int(patience * 1e9)
-        while not done():
-            assert clock.now().nanoseconds < deadline, f"waited {patience:.0f} s in vain"
-            self._executor.spin_once(timeout_sec=0.05)
+__all__ = ["ForeignNode"]

@@ -1,4 +1,7 @@
-"""Small scenarios for the graph tests."""
+"""Small scenarios for the graph tests.
+
+Late commands are only counted: these tests run on machines that do other things, too; test_pace.py has the budget.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ plant: bench-stage
 model: thesis-p2
 block_size: 100
 seed: 7
+limits: {late_commands: 0, command_timeout: 20 s}
 phases:
   - {phase: voltage, to: 120 V, duration: 0.3 s}
   - {phase: voltage, to: 20 V, duration: 0.2 s, shape: linear}
@@ -24,6 +28,7 @@ LONG_HOLD = """
 scenario: long hold
 plant: bench-stage
 model: thesis-p2
+limits: {late_commands: 0, command_timeout: 20 s}
 phases:
   - {phase: voltage, to: 100 V, duration: 0.2 s}
   - {phase: voltage, to: 100 V, duration: 600 s}

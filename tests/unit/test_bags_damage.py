@@ -15,13 +15,14 @@ from bag_making import (
     BLOCK_TYPE,
     RUN_TOPICS,
     START,
-    check_one_line,
     expected,
     run_python,
     write_run,
 )
 from mcap.stream_reader import StreamReader
 
+from pzt_benchmarks.soak.bag_faults import Damage
+from pzt_benchmarks.soak.fault import NAMED
 from pzt_ros.bags import load_run
 from pzt_ros.bags.reader import open_bag
 from pzt_ros.bags.writer import BagWriter
@@ -91,35 +92,18 @@ def test_cut_anywhere_keeps_every_flushed_message(run_file: Path, tmp_path: Path
             assert any("cut.mcap" in warning for warning in record.warnings)
 
 
-def test_every_flipped_bit_is_named(run_file: Path, tmp_path: Path) -> None:
-    data, whole = run_file.read_bytes(), read_all(run_file)
-    path = tmp_path / "flip.mcap"
-    rng = random.Random(2)
-    # half of the flips where they hurt most: outside the chunks (heads, index, summary, footer)
-    outside = [*range(0, 200), *range(flushed_counts(data)[-1][0], len(data))]
-    position_of_refused = []
-    positions = [rng.randrange(len(data)) for _ in range(100)] + rng.sample(outside, 100)
-    for position in positions:
-        damaged = bytearray(data)
-        damaged[position] ^= 1 << rng.randrange(8)
-        path.write_bytes(damaged)
-        try:
-            bag = open_bag(path)
-        except BenchError as error:
-            check_one_line(error, "flip.mcap")
-            position_of_refused.append(position)
-            continue
-        assert not bag.complete, f"a flip at byte {position} was not noticed"
-        check_one_line(BenchError(bag.notes[0]), "flip.mcap")
-        part = read_all(path)
-        for topic, messages in part.items():
-            assert set(messages) <= set(whole[topic])
-        try:
-            load_run(path)
-        except BenchError as error:
-            check_one_line(error, "flip.mcap")
-
-    assert all(position < 8 for position in position_of_refused)  # only the magic makes it a foreign file
+def test_a_record_of_another_kind_is_noticed(tmp_path: Path) -> None:
+    """A chunk that claims to be something else must not vanish, nor anything else become a message."""
+    bag = Damage(tmp_path)
+    offset, tried = 8, 0
+    while offset < len(bag.good) - 8:
+        for bit in range(8):
+            damaged = bytearray(bag.good)
+            damaged[offset] ^= 1 << bit
+            assert bag.read(bytes(damaged)).reaction == NAMED, f"record at byte {offset}, bit {bit}"
+            tried += 1
+        offset += 9 + int.from_bytes(bag.good[offset + 1 : offset + 9], "little")
+    assert tried > 400
 
 
 def test_every_bit_of_the_end_of_the_data_counts(run_file: Path, tmp_path: Path) -> None:

@@ -233,6 +233,17 @@ def test_close_brings_the_stack_to_zero_in_steps_and_may_be_called_again() -> No
             driver.apply(block_times(0, SIZE, RATE), np.zeros(SIZE))
 
 
+def test_opened_again_it_keeps_its_own_pace_and_not_that_of_coming_down(server: GcsServer) -> None:
+    driver = amplifier(server, capacitance=1e-6)
+    driver._connection._retry_after = 60.0  # of its own accord it would not try again for a minute
+    for _ in range(2):
+        driver.open()
+        applied = driver.apply(block_times(0, SIZE, RATE), np.linspace(1.0, SIZE, SIZE))
+        np.testing.assert_allclose(applied.current, 1e-6 * 1.0 * RATE, rtol=1e-4)
+        driver.close()
+    assert server.voltage == 0.0
+
+
 def test_close_does_not_raise_when_the_controller_is_gone() -> None:
     with GcsServer(voltage=50.0) as server:
         driver = amplifier(server)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pzt_bringup.plan import RATES, Plan, node_parameters, prepare
+from pzt_bringup.plan import RATES, Plan, node_parameters
 from pzt_ros.chains import load_chain
 from pzt_ros.errors import BenchError
 from pzt_ros.hardware import machine
@@ -107,7 +107,7 @@ def test_a_drivers_file_that_is_wrong_is_one_line(tmp_path: Path, text: str, say
     assert "drivers.yaml" in str(caught.value)
 
 
-def test_a_graph_without_a_plant_is_not_composed_and_says_so_to_its_nodes(tmp_path: Path) -> None:
+def test_a_graph_without_a_plant_says_so_to_its_nodes(tmp_path: Path) -> None:
     drivers = Drivers(sensor=ReplaySensorSettings(record="run.csv"))
     plan = Plan(load_scenario("scan"), tmp_path, False, RATES[0], None, 1, drivers=drivers)
     parameters = node_parameters(plan)
@@ -116,8 +116,8 @@ def test_a_graph_without_a_plant_is_not_composed_and_says_so_to_its_nodes(tmp_pa
     assert parameters["/stage/sensor"]["ros__parameters"]["replay"]["record"] == "run.csv"
     assert parameters["/stage/amplifier"]["ros__parameters"]["driver"] == "simulated"
     assert "plant" not in [row.name for row in plan.processes]
-    with pytest.raises(BenchError, match="use separate processes with hardware"):
-        prepare(dataclasses.replace(plan, composed=True))
+    (row,) = dataclasses.replace(plan, composed=True).processes
+    assert row.words == row.nodes == tuple(process.name for process in plan.processes)
 
 
 def test_a_drivers_file_that_is_not_there_is_named(tmp_path: Path) -> None:

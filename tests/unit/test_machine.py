@@ -54,7 +54,7 @@ def test_the_table_has_every_pair_and_nothing_else() -> None:
         assert set(row) == set(m.EVENTS), state
         for step in row.values():
             assert step.state in m.STATES
-    assert len(PAIRS) == 5 * 20
+    assert len(PAIRS) == 5 * 23
     assert len(set(m.EVENTS)) == len(m.EVENTS)
 
 

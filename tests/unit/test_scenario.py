@@ -49,6 +49,9 @@ def test_shipped_scenario_loads(name: str) -> None:
     assert set(scenario.controllers) == set(CONTROLLERS)
     spans = scenario.experiment().spans()
     assert len(spans) == len(scenario.phases)
+    if scenario.manual is not None:
+        assert not spans
+        return
     last = [phase for phase in scenario.phases if isinstance(phase, VoltageRamp)][-1]
     assert last is scenario.phases[-1], "a shipped scenario ends with a ramp"
     assert last.to == 0.0

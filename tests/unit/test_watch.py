@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -55,7 +56,7 @@ def test_a_run_that_goes_well_is_left_alone() -> None:
     for block in range(200):
         first = run.command(50.0 * (1.0 - math.cos(0.1 * block)))
         run.measure(first, np.linspace(block, block + 0.9, SIZE) * 1e-8)
-        run.watch.estimated(np.full(SIZE, 1e-7))
+        run.watch.estimated(first, np.full(SIZE, 1e-7))
         run.watch.senders(1)
         assert run.later(0.29) == ENABLED
 
@@ -146,13 +147,27 @@ def test_a_reading_that_is_no_number(bad: float) -> None:
 
 def test_sensor_and_observer_disagree() -> None:
     run = Run()
-    run.watch.estimated(np.full(SIZE, -0.99e-6))
+    run.watch.estimated(0.0, np.full(SIZE, -0.99e-6))
     spike = np.zeros(SIZE)
     spike[3] = 1.0
-    run.watch.estimated(spike)
+    run.watch.estimated(0.0, spike)
     assert run.guard.state == ENABLED, "one sample is not the block"
-    run.watch.estimated(np.full(SIZE, -1.5e-6))
+    run.watch.estimated(0.0, np.full(SIZE, -1.5e-6))
     assert (run.guard.state, run.guard.reason) == (FAULT, "sensor and observer differ by 1.500 um, limit 1.000 um")
+
+
+def test_what_is_said_of_a_run_before_does_not_count() -> None:
+    run = Run()
+    before = run.command(0.0)
+    run.guard.disable()
+    assert run.guard.enable() == ""
+    run.watch.restart(run.now)
+    run.put_out(run.guard.hold())
+    run.measure(before, math.nan)
+    run.watch.estimated(before, np.full(SIZE, 1.0))
+    assert run.guard.state == ENABLED
+    run.watch.estimated(before + SIZE / RATE, np.full(SIZE, 1.0))
+    assert run.guard.state == FAULT
 
 
 def test_two_senders_trip_and_nothing_goes_on_until_one_is_gone() -> None:
@@ -190,6 +205,18 @@ def test_over_power() -> None:
     assert "exceeds the limit of 1e-06 W" in run.guard.reason
 
 
+@pytest.mark.parametrize(("capacitance", "state"), [(0.0, ENABLED), (1e-9, ENABLED), (1e-3, RAMPING)])
+def test_a_stack_that_takes_no_charge_is_not_connected(capacitance: float, state: str) -> None:
+    """Whatever the stack is: 1 nF is less than any, 1 mF more."""
+    run = Run()
+    run.guard.limits = dataclasses.replace(LIMITS, capacitance_min=capacitance)
+    for voltage in (10.0, 15.0, 11.0, 16.0):
+        assert run.guard.state == ENABLED, "before it has moved by 20 V"
+        run.command(voltage)
+    assert run.guard.state == state
+    assert ("is it connected?" in run.guard.reason) == (state == RAMPING)
+
+
 def test_a_graph_without_a_sensor_has_none_to_lose() -> None:
     run = Run()
     run.watch = Watch(run.guard, expects_sensor=False)
@@ -198,3 +225,94 @@ def test_a_graph_without_a_sensor_has_none_to_lose() -> None:
     assert run.later(0.49) == ENABLED
     assert run.later(0.02) == RAMPING
     assert "no command" in run.guard.reason
+
+
+PERIOD = SIZE / RATE
+
+
+def paced(run: Run, *ages: float) -> str:
+    """Commands that come so long after the block before them, in periods; returns the state."""
+    for age in ages:
+        run.watch.paced(age * PERIOD, PERIOD)
+    return run.guard.state
+
+
+def with_budget(late: float, window: float) -> Run:
+    run = Run()
+    run.guard.limits = dataclasses.replace(LIMITS, late_after=2.0, late_commands=late, late_window=window)
+    return run
+
+
+def test_late_commands_are_counted_and_a_budget_of_them_is_allowed() -> None:
+    run = with_budget(3, 5)
+    assert paced(run, 1.0, 2.1, 1.0, 2.0, 50.0, 1.0) == ENABLED
+    assert run.guard.counts["late commands"] == 2
+
+
+def test_a_broken_budget_is_a_fault() -> None:
+    run = with_budget(3, 5)
+    run.command(20.0)
+    assert paced(run, 2.1, 1.0, 2.1, 1.0) == ENABLED
+    assert paced(run, 2.1) == RAMPING
+    assert run.guard.reason == "3 of the last 5 commands came more than 20 ms after the block before, limit 3 of 5"
+
+
+def test_late_commands_further_apart_than_the_window_are_no_fault() -> None:
+    run = with_budget(2, 5)
+    assert paced(run, *([2.1, 1.0, 1.0, 1.0, 1.0] * 20)) == ENABLED
+    assert run.guard.counts["late commands"] == 20
+
+
+def test_without_a_budget_late_commands_are_only_counted() -> None:
+    run = with_budget(0, 5)
+    assert paced(run, *[9.0] * 100) == ENABLED
+    assert run.guard.counts["late commands"] == 100
+
+
+def test_enabling_anew_begins_a_new_budget() -> None:
+    run = with_budget(3, 5)
+    assert paced(run, 2.1, 2.1) == ENABLED
+    run.watch.restart(run.now)
+    assert paced(run, 2.1, 2.1) == ENABLED
+
+
+class Warm(SimulatedAmplifier):
+    """An amplifier with a thermometer."""
+
+    temperature = 300.0
+
+
+@pytest.mark.parametrize("temperature", [400.0, math.nan])
+def test_over_temperature_is_a_fault_that_cannot_be_reset_before_it_is_cool(temperature: float) -> None:
+    driver = Warm(load_chain("thesis-p2"), Rest())
+    guard = GuardedAmplifier(driver, LIMITS, RATE, SIZE)
+    watch = Watch(guard)
+    watch.temperature()
+    assert guard.enable() == ""
+    guard.apply(0.0, np.full(SIZE, 20.0))
+    driver.temperature = temperature
+    watch.temperature()
+    assert guard.state == RAMPING
+    assert guard.reason == f"temperature of {temperature:.1f} K, limit 358.1 K"
+    while guard.state == RAMPING:
+        guard.ramp()
+    assert guard.state == FAULT
+    assert "see to that first" in guard.reset()
+    driver.temperature = 358.0
+    watch.temperature()
+    assert guard.reset() == ""
+    assert guard.enable() == ""
+
+
+def test_too_hot_while_disabled_is_a_fault_too() -> None:
+    driver = Warm(load_chain("thesis-p2"), Rest())
+    guard = GuardedAmplifier(driver, LIMITS, RATE, SIZE)
+    driver.temperature = 400.0
+    Watch(guard).temperature()
+    assert guard.state == FAULT
+
+
+def test_an_amplifier_without_a_thermometer_is_not_asked() -> None:
+    run = Run()
+    run.watch.temperature()
+    assert run.guard.state == ENABLED

@@ -1,0 +1,58 @@
+"""docs/faults.md: the fault table with what a long series came to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pzt_benchmarks.report import Provenance
+from pzt_benchmarks.soak.series import Result
+from pzt_benchmarks.table import markdown_rows
+
+HEAD = """# Faults
+
+Written by `python -m pzt_benchmarks.soak` (benchmarks/soak). **All instruments are simulated**; processes, topics,
+files and times are real, except where a time is of the run. `make test` performs each fault once
+(tests/graph/test_fault_table.py).
+
+{provenance}
+
+The limit of a ramp to 0 V is the *declared safe time* of the default limits ([safety](safety.md)): the watchdog's
+patience, the way from the edge of the window at the safe rate, and 0.2 s.
+
+"""
+
+HEADS = ("fault", "how it is made", "expected reaction", "time measured", "times", "worst", "limit", "verdict")
+
+
+def page(results: Sequence[Result], made: Provenance) -> str:
+    """The page."""
+    lines = markdown_rows(HEADS, [_row(result) for result in results])
+    problems = [f"* {r.fault.name}: {problem}" for r in results for problem in _listed(r)]
+    tail = ["", "## What was not as expected", "", *(problems or ["Nothing."]), ""]
+    return HEAD.format(provenance=made.line()) + "\n".join([*lines, *tail])
+
+
+def _row(result: Result) -> tuple[str, ...]:
+    fault = result.fault
+    if result.skipped:
+        return fault.name, fault.made, fault.expected, fault.timed, "0", "", f"{fault.limit:g} s", result.skipped
+    good = result.performed - len(result.problems)
+    verdict = "within the limit" if not result.problems else f"**{len(result.problems)} not as expected**"
+    worst = f"{result.worst:.3f} s" if good else ""
+    return (
+        fault.name,
+        fault.made,
+        fault.expected,
+        fault.timed,
+        str(result.performed),
+        worst,
+        f"{fault.limit:g} s",
+        verdict,
+    )
+
+
+def _listed(result: Result) -> list[str]:
+    """The first few problems, each in one line."""
+    shown = [" ".join(problem.split())[:300] for problem in result.problems[:5]]
+    left = len(result.problems) - len(shown)
+    return [*shown, f"and {left} more"] if left > 0 else shown

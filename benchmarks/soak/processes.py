@@ -1,0 +1,96 @@
+"""The bringup as a process under test."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import psutil
+
+from pzt_bringup.domain import take_domain
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+PATIENCE = 60.0
+"""Nothing in these tests takes this long [s] unless it hangs."""
+
+
+def free_domain() -> int:
+    """A ROS domain nobody uses now."""
+    lock = take_domain(None)
+    lock.release()
+    return lock.domain
+
+
+class GraphProcess:
+    """`python -m pzt_bringup` with a run folder of its own; killed with all its nodes if a test fails."""
+
+    def __init__(self, scenario: Path | str, folder: Path, *options: str) -> None:
+        self.folder = folder
+        self.domain = free_domain()
+        command = [
+            sys.executable,
+            "-m",
+            "pzt_bringup",
+            str(scenario),
+            "--out",
+            str(folder),
+            "--domain",
+            str(self.domain),
+        ]
+        self.process = subprocess.Popen(
+            [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+
+    def __enter__(self) -> GraphProcess:
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        for process in [*self.nodes(), psutil.Process(self.process.pid)] if self.process.poll() is None else []:
+            process.kill()
+        self.process.wait()
+        for stream in (self.process.stdout, self.process.stderr):
+            if stream is not None:
+                stream.close()
+
+    def nodes(self) -> list[psutil.Process]:
+        """The processes of the graph."""
+        return psutil.Process(self.process.pid).children(recursive=True)
+
+    def node(self, name: str) -> psutil.Process:
+        """The process of one node."""
+        return next(p for p in self.nodes() if any(f"pzt_nodes.{name}" in word for word in p.cmdline()))
+
+    def interrupt(self) -> None:
+        """Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+
+    def wait(self) -> tuple[int, str]:
+        """Exit code and what was said on stderr."""
+        _, said = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, said
+
+    def run_json(self) -> dict[str, Any]:
+        """What the run folder says of the run."""
+        return json.loads((self.folder / "run.json").read_text(encoding="utf-8"))
+
+
+def wait_until(happened: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
+    """Wait for a condition; fail, naming it, if it does not come true."""
+    deadline = time.monotonic() + patience
+    while not happened():
+        assert time.monotonic() < deadline, f"waited {patience:.0f} s in vain: {what}"
+        time.sleep(0.01)
+
+
+def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
+    """Those that still run."""
+    return [p for p in processes if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
