@@ -152,7 +152,8 @@ class Search:
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
         further = self.thresholds.further_promise if before.effects else 0.0
-        candidates, refused = self._candidates(before, before, before.total - further * _excess(before))
+        most = min(before.total - further * _excess(before), _total_of(before, self.thresholds.hopeless))
+        candidates, refused = self._candidates(before, before, most)
         for origin in () if before.effects else self.origins:
             if not any(self.at_floor(h) for h in (before, *_afters(candidates))):
                 candidates = _best_of_each((*candidates, *self._candidates(before, origin)[0]))
@@ -268,6 +269,7 @@ class Search:
         """Two effects neither of which explains enough alone; empty where no two do."""
         best: tuple[Candidate, ...] = ()
         most = before.total - self.thresholds.pair_promise * _excess(before)
+        most = min(most, _total_of(before, self.thresholds.nameable))
         for first in sound[:2]:
             following = [c for c in self._candidates(first.after, first.after, most)[0] if self._is_significant(c)]
             if following:
@@ -336,4 +338,9 @@ def _promise(before: Hypothesis, prospect: Prospect) -> float:
 
 def _excess(before: Hypothesis) -> float:
     """Of the mean squares over the noise."""
-    return max(before.total - (2.0 if before.selection.samples else 1.0), 1e-4)
+    return max(before.total - _total_of(before, 1.0), 1e-4)
+
+
+def _total_of(before: Hypothesis, ratio: float) -> float:
+    """`Hypothesis.total` of the same parts with so much of the noise left in each."""
+    return ratio**2 * (2.0 if before.selection.samples else 1.0)

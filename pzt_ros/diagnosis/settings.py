@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 
@@ -22,11 +23,13 @@ class Thresholds:
         whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
         nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
             base lacks something else, and an effect may only stand in for it.
+        hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
         tie: share of the winner's gain from which another effect is as good.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         refits: candidates that are refitted at most.
         most_effects: that are added at most.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
+        flexible_hopeless: as `hopeless`: that base is all but linear, so a screen is to be believed.
         flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
@@ -43,6 +46,7 @@ class Thresholds:
     whole: float = 0.9
     near_floor: float = 1.15
     nameable: float = 4.0
+    hopeless: float = math.inf
     tie: float = 0.93
     decisive: float = 25.0
     refits: int = 4
@@ -50,7 +54,8 @@ class Thresholds:
     flexible_share: float = 0.6
     flexible_size: float = 0.4
     flexible_remains: float = 1.10
+    flexible_hopeless: float = 8.0
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""
-        return replace(self, share=self.flexible_share, size=self.flexible_size)
+        return replace(self, share=self.flexible_share, size=self.flexible_size, hopeless=self.flexible_hopeless)
