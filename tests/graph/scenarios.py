@@ -13,7 +13,7 @@ plant: bench-stage
 model: thesis-p2
 block_size: 100
 seed: 7
-limits: {late_commands: 0, command_timeout: 20 s}
+limits: {late_commands: 0, command_timeout: 6 s}
 phases:
   - {phase: voltage, to: 120 V, duration: 0.3 s}
   - {phase: voltage, to: 20 V, duration: 0.2 s, shape: linear}
@@ -28,7 +28,7 @@ LONG_HOLD = """
 scenario: long hold
 plant: bench-stage
 model: thesis-p2
-limits: {late_commands: 0, command_timeout: 20 s}
+limits: {late_commands: 0, command_timeout: 6 s}
 phases:
   - {phase: voltage, to: 100 V, duration: 0.2 s}
   - {phase: voltage, to: 100 V, duration: 600 s}
