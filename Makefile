@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u COLCON_PREFIX_PATH \
 	-u _ROS_WHEELS_BOOTSTRAP_COMPLETE -u RMW_IMPLEMENTATION
 
-.PHONY: help install demo test lint bench convergence measured court clean
+.PHONY: help install demo test lint bench convergence measured court soak clean
 
 help:
 	@echo "make demo   install into .venv, run the demo, write demo/report.html"
@@ -16,6 +16,7 @@ help:
 	@echo "make convergence  how many domains a polycrystal needs: docs/convergence.md"
 	@echo "make measured  judge the measured runs in ../shared/data, where they are: docs/measured.md"
 	@echo "make court  the diagnosis judged on hidden effects: docs/court.md (hours; goes on where it stopped; SEED=, ROUNDS=)"
+	@echo "make soak   perform every fault many times: docs/faults.md (hours; goes on where it stopped; REPEAT=)"
 	@echo "make clean  remove what these made"
 
 install: $(VENV)/.installed
@@ -53,6 +54,9 @@ SEED ?= 1
 court: install
 	$(CLEAN) $(BIN)/python -m pzt_benchmarks.residual_court --seed $(SEED) $(if $(ROUNDS),--rounds $(ROUNDS)) \
 		--results runs/court-$(SEED).jsonl --out docs/court.md
+
+soak: install
+	$(CLEAN) $(BIN)/python -m pzt_benchmarks.soak $(if $(REPEAT),--repeat $(REPEAT)) --results runs/soak.json --out docs/faults.md
 
 clean:
 	rm -rf $(VENV) demo runs build *.egg-info

@@ -45,7 +45,7 @@ def main() -> int:
         print(f"\r{result.fault.name}: {result.performed} times, {len(result.problems)} problems", file=sys.stderr)
         _write(given.results, known)
     results = [known[fault.name] for fault in FAULTS if fault.name in known]
-    write_text(given.out, [page(results, began)])
+    write_text(given.out, [page(results, [fault.name for fault in FAULTS if fault.name not in known], began)])
     return int(any(result.problems for result in results))
 
 

@@ -24,11 +24,13 @@ patience, the way from the edge of the window at the safe rate, and 0.2 s.
 HEADS = ("fault", "how it is made", "expected reaction", "time measured", "times", "worst", "limit", "verdict")
 
 
-def page(results: Sequence[Result], made: Provenance) -> str:
-    """The page."""
+def page(results: Sequence[Result], not_yet: Sequence[str], made: Provenance) -> str:
+    """The page; `not_yet` are the faults that this series has not come to."""
     lines = markdown_rows(HEADS, [_row(result) for result in results])
     problems = [f"* {r.fault.name}: {problem}" for r in results for problem in _listed(r)]
     tail = ["", "## What was not as expected", "", *(problems or ["Nothing."]), ""]
+    if not_yet:
+        tail += ["## Not in this series yet", "", f"Performed by `make test` only: {', '.join(not_yet)}.", ""]
     return HEAD.format(provenance=made.line()) + "\n".join([*lines, *tail])
 
 
