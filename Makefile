@@ -31,8 +31,10 @@ $(VENV)/.installed: pyproject.toml
 demo: install
 	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
 
+# What starts no graph runs on two cores at once; graphs and the browser have the machine to themselves.
 test: install lint
-	$(CLEAN) $(BIN)/pytest
+	$(CLEAN) $(BIN)/pytest --numprocesses 2 --ignore tests/graph --ignore tests/browser
+	$(CLEAN) $(BIN)/pytest tests/graph tests/browser
 
 lint: install
 	$(BIN)/ruff check --quiet .
