@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pzt_ros.controllers.pi import sample_period
 from pzt_ros.physics.chain import Chain, ChainState
 from pzt_ros.physics.link import ACTUATOR, SENSOR
 from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
@@ -52,14 +53,17 @@ class Modelled:
     def led(self, time: Array, reference: Array) -> Array:
         """The reference that makes a mode give `reference` [m]; block after block, evenly sampled.
 
-        What is added to it comes from backward differences, which are a sample late; so it is carried on by a sample as
-        a parabola, which leaves an error of third order in the step.
+        Where an inverse looks back, what it adds to the reference is a sample late; that is carried on by a sample as a
+        parabola, which leaves an error of third order in the step.
         """
         if not self._modes.chain.links:
             return reference
-        needed = self._modes.invert(Signals(time, displacement=reference))
-        shape = np.concatenate((self._shape, self._still.step(needed).displacement - reference))
+        needed = self._still.step(self._modes.invert(Signals(time, displacement=reference))).displacement
+        shape = np.concatenate((self._shape, needed - reference))
         self._shape = shape[-2:]
+        step = sample_period(time, self._followed)
+        if not any(link.inverse_looks_back(step) for link in self._modes.chain.links):
+            return needed
         led: Array = reference + 3.0 * (shape[2:] - shape[1:-1]) + shape[:-2]
         return led
 

@@ -41,6 +41,11 @@ class MechanicalResonance(Link):
         """Without the mode."""
         return dataclasses.replace(self, share=0.0) if self.share > 0.0 else self
 
+    def inverse_looks_back(self, step: float) -> bool:
+        """Where nearly all passes a finely sampled mode."""
+        frequency, damping, share = self._mode
+        return share > 0.0 and not _settles(mode_gains(step, frequency, damping), share)
+
     def init(self, rest: Rest) -> State:
         """Whether a sample was seen; time [s], input [m], last step [s], deflection [m] and velocity [m/s]."""
         return np.zeros(_SIZE)

@@ -69,10 +69,8 @@ def mode_step(position, velocity, before, now, step, frequency, damping):  # typ
 
 
 @njit(cache=True)
-def mode_inverse(wanted, position, velocity, before, step, frequency, damping):  # type: ignore[no-untyped-def]
-    """The input at the end of a `step` [s] with which the mode comes to the position `wanted`, and the velocity."""
-    if step == 0.0:
-        return wanted, velocity
+def mode_inverse_settles(step, frequency, damping):  # type: ignore[no-untyped-def]
+    """Whether the errors of the exact inverse of a mode die out at this `step` [s]; otherwise it rings without end."""
     xx, xv, vx, vv = _free_motion(step, frequency, damping)
     behind = 2.0 * damping / frequency
     through = step - behind * (1.0 - xx) - xv
@@ -82,7 +80,18 @@ def mode_inverse(wanted, position, velocity, before, step, frequency, damping): 
     v_u = s_u - vx * (1.0 - behind * s_u) - vv * s_u
     u_v, u_u = step * s_v, 1.0 + step * s_u
     trace, determinant = (v_v + u_u) / _SETTLES, (v_v * u_u - v_u * u_v) / (_SETTLES * _SETTLES)
-    if abs(determinant) < 1.0 and abs(trace) < 1.0 + determinant:
+    return abs(determinant) < 1.0 and abs(trace) < 1.0 + determinant
+
+
+@njit(cache=True)
+def mode_inverse(wanted, position, velocity, before, step, frequency, damping):  # type: ignore[no-untyped-def]
+    """The input at the end of a `step` [s] with which the mode comes to the position `wanted`, and the velocity."""
+    if step == 0.0:
+        return wanted, velocity
+    behind = 2.0 * damping / frequency
+    if mode_inverse_settles(step, frequency, damping):
+        xx, xv, vx, vv = _free_motion(step, frequency, damping)
+        through = step - behind * (1.0 - xx) - xv
         slope = (wanted - before - xx * (position - before) - xv * velocity) / through
         deflection, excess = position - before + behind * slope, velocity - slope
         return before + step * slope, slope + vx * deflection + vv * excess

@@ -45,6 +45,10 @@ class Link(ABC):
         """
         return self
 
+    def inverse_looks_back(self, step: float) -> bool:
+        """Whether at this sample step [s] `invert` takes differences of what is wanted, and so comes a sample late."""
+        return False
+
     @abstractmethod
     def init(self, rest: Rest) -> State:
         """The state at rest, before the first sample."""

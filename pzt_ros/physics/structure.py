@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from pzt_ros.physics.linear_response import mode_inverse, mode_step
+from pzt_ros.physics.linear_response import mode_inverse, mode_inverse_settles, mode_step
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -39,6 +39,11 @@ class Structure(Link):
     def prompt(self) -> Structure:
         """Without the mode."""
         return dataclasses.replace(self, resonance_frequency=0.0) if self.resonance_frequency > 0.0 else self
+
+    def inverse_looks_back(self, step: float) -> bool:
+        """Where sampling is fast against the mode."""
+        moves = self.resonance_frequency > 0.0
+        return moves and not mode_inverse_settles(step, self._frequency, self.damping_ratio)
 
     @property
     def static_gain(self) -> float:

@@ -75,8 +75,8 @@ def scan_error(folder: Path, plant: str, model: str) -> float:
         f"""
 plant: {plant}
 model: {model}
-sample_rate: 10 kHz
-block_size: 50
+sample_rate: 2 kHz
+block_size: 10
 phases:
   - {{phase: voltage, to: 150 V, duration: 0.5 s}}
   - {{phase: voltage, to: 0 V, duration: 0.5 s}}
