@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graph_process import GraphProcess, alive, wait_until
+from foreign_node import ForeignNode
+from graph_process import GraphProcess, alive
 from scenarios import LONG_HOLD, SHORT, write
+from std_msgs.msg import Float64MultiArray
 
 from pzt_bringup.replay import replay
 from pzt_ros.axes import axes_of
@@ -63,9 +65,11 @@ def test_each_axis_runs_as_it_would_alone_and_all_is_in_one_bag(tmp_path: Path) 
 
 
 def test_an_axis_that_dies_ends_the_run_of_all(tmp_path: Path) -> None:
-    with GraphProcess(two(tmp_path, LONG_HOLD, LONG_HOLD), tmp_path / "run", "--composed") as graph:
-        bag = tmp_path / "run" / "bag" / "bag_0.mcap"
-        wait_until(lambda: bag.exists() and bag.stat().st_size > 5_000_000, "blocks of both axes in the bag")
+    run = GraphProcess(two(tmp_path, LONG_HOLD, LONG_HOLD), tmp_path / "run", "--composed")
+    with run as graph, ForeignNode(graph.domain) as foreign:
+        for axis in ("x", "y"):
+            foreign.listen(f"/{axis}/applied", Float64MultiArray)
+        foreign.spin_until(lambda: all(foreign.heard.values()))
         processes = graph.nodes()
         victim = next(p for p in processes if any("/x/" in word for word in p.cmdline()))
         victim.send_signal(signal.SIGKILL)
@@ -74,7 +78,7 @@ def test_an_axis_that_dies_ends_the_run_of_all(tmp_path: Path) -> None:
     assert "x: process 'graph' died (killed by SIGKILL)" in said
     assert "y: stopped on request; the amplifier brought the stack to 0 V" in said
     assert alive(processes) == []
-    assert open_bag(bag.parent).blocks("/y/applied")["voltage_V"][-1] == 0.0
+    assert open_bag(tmp_path / "run" / "bag").blocks("/y/applied")["voltage_V"][-1] == 0.0
 
 
 @pytest.mark.parametrize(
