@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -97,7 +97,7 @@ def diagnose(
 
 def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """Searches on the declared base and, where that leaves something, on the flexible one."""
-    search = Search(asked, progress=progress, workers=workers, origins=_origins(declared))
+    search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
     steps = search.run(declared)
     branch = Branch("gaussian", declared, tuple(steps))
     if search.explains(steps, declared):
@@ -109,10 +109,12 @@ def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     return [dataclasses.replace(branch, steps=tuple(search.with_pair(steps, declared))), other]
 
 
-def _origins(declared: Hypothesis) -> list[Hypothesis]:
+def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
     """Where else the search for a first effect may start: without made-up histories, and at the values as declared."""
     plain = without_histories(declared)
-    return ([plain] if plain else []) + [fitted(declared.staged, declared.staged.start, most_steps=0)]
+    if plain is not None:
+        yield plain
+    yield fitted(declared.staged, declared.staged.start, most_steps=0)
 
 
 def _on_flexible(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:

@@ -17,7 +17,7 @@ from pzt_ros.sysid.noise import noise_floor, spread_of
 _LEAST_SHARE = 1e-5  # of the span: a record without noise is still no better than this
 _SHORTEST_HOLD = 60  # samples
 _SKIPPED = 0.3  # of a hold, from its start: what rings or creeps fast
-_FIFTHS = 5
+_FIFTHS = 5  # parts of a hold whose means are compared: what is slower may be creep
 _COLOURED = 1.12  # scatter in holds over what neighbouring samples say
 _PERIODS = 16.0  # of a tone in a hold, so that it stands out
 

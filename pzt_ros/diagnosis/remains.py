@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from scipy import signal as scipy_signal
 
-from pzt_ros.diagnosis.data import FIT, RunData
+from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.floor import scatters_in_holds
 from pzt_ros.diagnosis.lines import FEWEST, strongest
+from pzt_ros.diagnosis.views import centred
 from pzt_ros.physics.signals import Array
 
 _signal: Any = scipy_signal  # SciPy carries no types
@@ -53,19 +54,13 @@ def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float
         floor: rms over noise from which something is left.
         slow_floor: the same for slow means.
     """
-    centred = [np.where(run.clear, _centred(run, r), 0.0) for run, r in zip(runs, residuals, strict=True)]
-    rms = math.sqrt(float(np.mean(np.concatenate(centred) ** 2)))
-    ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, centred, strict=True)]
-    slow = [_slow_ratio(run, r) for run, r in zip(runs, centred, strict=True)]
+    left = [np.where(run.clear, centred(run, r), 0.0) for run, r in zip(runs, residuals, strict=True)]
+    rms = math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
+    ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, left, strict=True)]
+    slow = [_slow_ratio(run, r) for run, r in zip(runs, left, strict=True)]
     times = math.sqrt(float(np.mean(np.square(ratios))))
     present = max(ratios) > floor or max(slow) > slow_floor
-    return Remains(rms, times, max(slow), present, _described(runs, centred, ratios) if present else "")
-
-
-def _centred(run: RunData, residual: Array) -> Array:
-    """Without the offset of the part that was fitted, or of the whole."""
-    picks = run.picks.get(FIT)
-    return residual - float(np.mean(residual if picks is None else residual[picks]))
+    return Remains(rms, times, max(slow), present, _described(runs, left, ratios) if present else "")
 
 
 def _slow_ratio(run: RunData, residual: Array) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
@@ -123,15 +123,15 @@ class Search:
         effects: that may be named.
         progress: is told what is being tried.
         workers: refit the candidates.
-        origins: the base in other places. A base fitted without an effect bends to make up for it, sometimes so far
-            that no refit finds its way back; where that may be, candidates are refitted from these, too.
+        origins: the base in other places, each fitted when it is asked for. A base fitted without an effect bends to
+            make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
     """
 
     thresholds: Thresholds = field(default_factory=Thresholds)
     effects: Sequence[Effect] = EFFECTS
     progress: Callable[[str], None] = lambda text: None
     workers: Workers = IN_THIS_PROCESS
-    origins: Sequence[Hypothesis] = ()
+    origins: Callable[[], Iterable[Hypothesis]] = tuple
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -154,9 +154,8 @@ class Search:
         further = self.thresholds.further_promise if before.effects else 0.0
         most = min(before.total - further * _excess(before), _total_of(before, self.thresholds.hopeless))
         candidates, refused = self._candidates(before, before, most)
-        for origin in () if before.effects else self.origins:
-            if not any(self.at_floor(h) for h in (before, *_afters(candidates))):
-                candidates = _best_of_each((*candidates, *self._candidates(before, origin)[0]))
+        if not before.effects:
+            candidates = self._from_elsewhere(before, candidates)
         sound = [c for c in candidates if self._is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
@@ -168,6 +167,16 @@ class Search:
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
+
+    def _from_elsewhere(self, before: Hypothesis, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+        """The best refits of each effect, from the other origins, too, while none comes down to the noise."""
+        origins = iter(self.origins())
+        while not any(self.at_floor(h) for h in (before, *_afters(candidates))):
+            origin = next(origins, None)
+            if origin is None:
+                break
+            candidates = _best_of_each((*candidates, *self._candidates(before, origin)[0]))
+        return candidates
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""

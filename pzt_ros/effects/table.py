@@ -94,9 +94,11 @@ EFFECTS: tuple[Effect, ...] = (
         link=StrainPolarizationHysteresis,
         place=AT_POLARIZATION,
         amplitude="polarization_lead",
-        starts=tuple(
-            {"polarization_lead": 1e-4, "turn_width": width, "spread_below": 0.3, "spread_above": 0.3}
-            for width in (0.003, 0.01, 0.03, 0.1, 0.3)
+        starts=_grid(
+            polarization_lead=(1e-4,),
+            turn_width=(0.003, 0.01, 0.03, 0.1, 0.3),
+            spread_below=(0.3,),
+            spread_above=(0.3,),
         ),
         free=("polarization_lead", "turn_width", "spread_below", "spread_above"),
         absence="a loop of displacement over polarization that does not depend on the rate",

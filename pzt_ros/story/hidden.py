@@ -49,7 +49,7 @@ LEFT_OUT: dict[str, str] = {
     "amplifier_bandwidth": "the bag holds the voltage across the ceramic, so a slow amplifier is no error of the model",
     "amplifier_current_limit": "as the bandwidth of the amplifier",
     "amplifier_charge_limit": "as the bandwidth of the amplifier",
-    "sensor_lag": "controllers make the reading follow; an inverse of the sensor's error moves the truth off",
+    "sensor_lag": "the inverse of what moves the stage tracks the truth; that the reading is late matters little",
     "sensor_nonlinearity": "as the lag of the sensor: who knows only the reading cannot track the truth",
     "thermal_drift": "its rate belongs to one run; the next run cannot know it",
     "mains_hum": "its phase belongs to one run; the next run cannot know it",
