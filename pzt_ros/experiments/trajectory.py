@@ -12,6 +12,9 @@ from pzt_ros.physics.signals import Array
 MOST_AHEAD = 3600.0
 """A trajectory may begin so long after now [s]; a stamp further ahead is of another clock."""
 
+LARGEST = {"time_from_start": (1e6, "s"), "position": (1.0, "m"), "velocity": (1e3, "m/s")}
+"""No stage goes further, or faster, or takes longer; a larger number is a mistake of units, or none at all."""
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -134,6 +137,25 @@ def joined(trajectory: Trajectory, axis: str, path: Path, now: float) -> Path:
     )
 
 
+def check_numbers(time: Array, position: Array, velocity: Array) -> None:
+    """Whether these can be numbers of points, by `LARGEST`; a velocity may be NaN, which is none.
+
+    Raises:
+        BenchError: one cannot; it is named.
+    """
+    for name, values in (("position", position), ("time_from_start", time), ("velocity", velocity)):
+        largest, unit = LARGEST[name]
+        sound = np.abs(values) <= largest
+        if name == "velocity":
+            sound |= np.isnan(values)
+        if not np.all(sound):
+            first = int(np.argmin(sound))
+            raise BenchError(
+                f"the {name} of point {first + 1} is {values[first]:g} {unit};"
+                f" give a finite number of at most {largest:g} {unit}, in SI units"
+            )
+
+
 def _alone(path: Path, now: float) -> Path:
     """The path without what it followed before its first knot, once that has passed; else what is followed now."""
     if path.before is None:
@@ -144,12 +166,7 @@ def _alone(path: Path, now: float) -> Path:
 def _check(trajectory: Trajectory, axis: str) -> None:
     if trajectory.joints != (axis,):
         raise BenchError(f"joint_names are {list(trajectory.joints)}, expected ['{axis}']")
-    for name, values, unit in (("position", trajectory.position, "m"), ("time_from_start", trajectory.time, "s")):
-        if not np.all(np.isfinite(values)):
-            first = int(np.argmin(np.isfinite(values)))
-            raise BenchError(f"the {name} of point {first + 1} is {values[first]} {unit}; give finite numbers")
-    if np.any(np.isinf(trajectory.velocity)):
-        raise BenchError("a velocity is not finite; give finite numbers, or none")
+    check_numbers(trajectory.time, trajectory.position, trajectory.velocity)
     rising = np.diff(trajectory.time, prepend=-1.0) > 0.0
     if not np.all(rising) or np.any(trajectory.time < 0.0):
         first = int(np.argmin(rising & (trajectory.time >= 0.0)))

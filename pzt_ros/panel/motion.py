@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pzt_ros.errors import BenchError, named
-from pzt_ros.experiments.trajectory import Path
+from pzt_ros.experiments.trajectory import Path, check_numbers
 
 Point = tuple[float, float, float | None]
 """Time from the start [s], displacement [m], velocity [m/s] or None: between two points with one the way is a cubic,
@@ -27,6 +27,9 @@ FLYBACK = 0.2
 
 SINE_POINTS = 8
 """Of a cycle: the cubics between them stay within 0.1 % of the sine."""
+
+NEAREST = 1e-9
+"""Points are so far apart in time [s]: messages count in nanoseconds."""
 
 LOOKED_AT = 16
 """Places between two points that are held against the envelope."""
@@ -56,10 +59,9 @@ class Envelope:
         if len(points) > MOST_POINTS:
             raise BenchError(f"the trajectory has {len(points)} points, at most {MOST_POINTS} go; ask for fewer cycles")
         table = np.array([(time, place, math.nan if v is None else v) for time, place, v in points], dtype=np.float64)
+        check_numbers(*table.T)
         time, place, velocity = np.concatenate(([[0.0, here, 0.0]], table)).T
-        if not (np.all(np.isfinite(time)) and np.all(np.isfinite(place)) and not np.any(np.isinf(velocity))):
-            raise BenchError("a number of the trajectory is not finite; give finite numbers")
-        if not np.all(np.diff(time) > 0.0):
+        if not np.all(np.diff(time) >= NEAREST):
             raise BenchError("the times of the trajectory do not rise; give points in the order of time")
         self._check_way(Path(time, place, velocity), here)
         return points

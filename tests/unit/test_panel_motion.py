@@ -19,6 +19,9 @@ WINDOW = Envelope(low=2e-6, high=12e-6, speed=400e-6)
 PLACES = st.floats(WINDOW.low, WINDOW.high)
 ANYTHING = st.one_of(st.floats(), st.floats(-30e-6, 30e-6), st.integers(-5, 5))
 RATES = st.one_of(st.floats(), st.floats(0.0, 100.0))
+TIMES = st.one_of(st.floats(), st.floats(1e-3, 10.0))
+SPEEDS = st.one_of(st.floats(), st.floats(-400e-6, 400e-6))
+CASES = settings(max_examples=200, derandomize=True, deadline=None, database=None)
 CYCLES = st.one_of(st.floats(), st.integers(-2, 3000).map(float))
 
 
@@ -45,7 +48,7 @@ def check(points: list[Point], here: float) -> None:
 
 
 @given(here=PLACES, step=ANYTHING, speed=ANYTHING)
-@settings(max_examples=100, deadline=None)
+@CASES
 def test_no_jog_leaves_the_window(here: float, step: float, speed: float) -> None:
     try:
         points = jog(WINDOW, here, step, speed)
@@ -56,7 +59,7 @@ def test_no_jog_leaves_the_window(here: float, step: float, speed: float) -> Non
 
 
 @given(here=PLACES, shape=st.sampled_from([*SHAPES, "square"]), low=ANYTHING, size=ANYTHING, rate=RATES, cycles=CYCLES)
-@settings(max_examples=100, deadline=None)
+@CASES
 def test_no_scan_leaves_the_window(
     here: float, shape: str, low: float, size: float, rate: float, cycles: float
 ) -> None:
@@ -68,8 +71,8 @@ def test_no_scan_leaves_the_window(
     assert points[-1][1] == pytest.approx(low, abs=1e-12)
 
 
-@given(here=PLACES, points=st.lists(st.tuples(st.floats(), st.floats(), st.one_of(st.none(), st.floats())), max_size=6))
-@settings(max_examples=100, deadline=None)
+@given(here=PLACES, points=st.lists(st.tuples(TIMES, ANYTHING, st.one_of(st.none(), SPEEDS)), max_size=6))
+@CASES
 def test_the_gate_lets_nothing_bad_through(here: float, points: list[Point]) -> None:
     try:
         passed = WINDOW.check(points, here)
