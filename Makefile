@@ -31,9 +31,9 @@ $(VENV)/.installed: pyproject.toml
 demo: install
 	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
 
-# What starts no graph runs on two cores at once; graphs and the browser have the machine to themselves.
+# Where no result depends on time, two run at once; graphs that keep time, and the browser, have the machine to themselves.
 test: install lint
-	$(CLEAN) $(BIN)/pytest --numprocesses 2 --ignore tests/graph --ignore tests/browser
+	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --ignore tests/graph --ignore tests/browser
 	$(CLEAN) $(BIN)/pytest tests/graph tests/browser
 
 lint: install

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -35,17 +37,7 @@ class GraphProcess:
 
     def __init__(self, scenario: Path | str, folder: Path, *options: str) -> None:
         self.folder = folder
-        self.domain = free_domain()
-        command = [
-            sys.executable,
-            "-m",
-            "pzt_bringup",
-            str(scenario),
-            "--out",
-            str(folder),
-            "--domain",
-            str(self.domain),
-        ]
+        command = [sys.executable, "-m", "pzt_bringup", str(scenario), "--out", str(folder)]
         self.process = subprocess.Popen(
             [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
         )
@@ -60,6 +52,19 @@ class GraphProcess:
         for stream in (self.process.stdout, self.process.stderr):
             if stream is not None:
                 stream.close()
+
+    @cached_property
+    def domain(self) -> int:
+        """The ROS domain that the bringup took; known before its nodes start."""
+
+        def noted() -> bool:
+            assert self.process.poll() is None, self.wait()
+            with contextlib.suppress(FileNotFoundError, json.JSONDecodeError):  # not there yet, or half of it
+                return "domain" in self.run_json()
+            return False
+
+        wait_until(noted, "the domain in run.json")
+        return int(self.run_json()["domain"])
 
     def nodes(self) -> list[psutil.Process]:
         """The processes of the graph."""
