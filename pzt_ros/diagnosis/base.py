@@ -19,7 +19,7 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.strain import Electrostriction
-from pzt_ros.physics.surrogate import ACCURACY, surrogate_of, with_surrogate
+from pzt_ros.physics.surrogate import ACCURACY, in_few_steps, surrogate_of, with_surrogate
 from pzt_ros.sysid.parameters import free_parameters, without_noise
 from pzt_ros.sysid.run import Start
 from pzt_ros.sysid.start import CountedPart, settle
@@ -149,4 +149,6 @@ def _history(found: Hypothesis, number: int, progress: Progress) -> Start:
     if FIT in run.picks:
         jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
         tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED)]
-    return settle(with_surrogate(found.staged.chain_at(found.vector, number)), part, tangent=tangent)
+    quick = with_surrogate(found.staged.chain_at(found.vector, number))
+    quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
+    return settle(quick, part, tangent=tangent)

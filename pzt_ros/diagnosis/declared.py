@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,16 +16,31 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import Start, prepared_drive
 
 _STEP = 1e-3
 _REMEMBERED = 3  # evaluations
+_NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
 _ROUGH = 6e-4  # rms of the difference over the span of P from which the front model is too far off for a run
 _WIDE, _LOOSE = 1.0, 1e-3  # thermal widths between domains, error of x+: of what takes its place
 _WIDEST = 10.0  # thermal widths between domains
 _COARSEST = 1e-2  # error of x+ on slow ramps
 _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 15 s
+
+
+class _Slope(NamedTuple):
+    """How P of a run changes with each parameter, and where that was found."""
+
+    vector: Array
+    voltage: Array
+    columns: Array
+
+    def serves(self, vector: Array, voltage: Array) -> bool:
+        """Whether it is near enough there."""
+        driven_alike = np.max(np.abs(self.voltage - voltage)) <= _NEAR * np.ptp(voltage)
+        return bool(driven_alike and np.max(np.abs(self.vector - vector), initial=0.0) <= _NEAR)
 
 
 class DeclaredHysteresis:
@@ -63,36 +80,43 @@ class DeclaredHysteresis:
         self._differences = [np.zeros(len(record)) for record in records]
         self._rough = [False] * len(records)
         self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)
+        self._slopes: dict[int, _Slope] | None = None  # by run; only where no other search looks
 
     def with_starts(self, starts: Sequence[Start]) -> DeclaredHysteresis:
         """The same ceramic with other histories."""
         return DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, starts)
 
+    def for_one_search(self) -> DeclaredHysteresis:
+        """A copy that keeps tangents for as long as they serve; what it gives depends on what it was asked before."""
+        found = copy.copy(self)
+        found._slopes = {}
+        return found
+
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> DeclaredHysteresis:
         """A copy that agrees with the model at a vector, for the runs whose voltage is given."""
         if self.quick is self.model:
             return self
-        copy = self.with_starts(self.starts)
+        found = self.with_starts(self.starts)
         exact = self.link(vector)
         for number, voltage in enumerate(voltages):
             if voltage.size:
                 here = self._run(exact, number, voltage)
-                copy._rough[number] = self._rough[number]
-                difference = here - self._run(copy._near(vector, number), number, voltage)
+                found._rough[number] = self._rough[number]
+                difference = here - self._run(found._near(vector, number), number, voltage)
                 if (
                     isinstance(exact, Lattice)
-                    and not copy._rough[number]
+                    and not found._rough[number]
                     and np.std(difference) > _ROUGH * np.ptp(here)
                 ):
-                    copy._rough[number] = True
-                    difference = here - self._run(copy._near(vector, number), number, voltage)
-                copy._differences[number] = difference
-        return copy
+                    found._rough[number] = True
+                    difference = here - self._run(found._near(vector, number), number, voltage)
+                found._differences[number] = difference
+        return found
 
     def _near(self, vector: Array, number: int) -> Ferroelectric:
         """What is moved in place of the model for a run."""
         if not self._rough[number]:
-            return self._valued(self.quick, vector)
+            return in_few_steps(self._valued(self.quick, vector), self.records[number].voltage)
         link = self.link(vector)
         assert isinstance(link, Lattice)
         return dataclasses.replace(link, spacing=max(link.spacing, _WIDE), accuracy=max(link.accuracy, _LOOSE))
@@ -109,17 +133,30 @@ class DeclaredHysteresis:
     def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         """P of each run and how it changes with each parameter, by differences."""
         here = self.polarization(vector, voltages)
-        tangents = [np.zeros((p.size, vector.size)) for p in here]
+        asked = [number for number, voltage in enumerate(voltages) if voltage.size]
+        return here, [self._slope(vector, n, voltages[n], p) for n, p in zip(asked, here, strict=True)]
+
+    def _slope(self, vector: Array, number: int, voltage: Array, here: Array) -> Array:
+        """dP/dvector of a run [shape (n, p)]; a search does as well with one from nearby, which costs nothing."""
+        known = self._slopes.get(number) if self._slopes is not None else None
+        if known is not None and known.serves(vector, voltage):
+            return known.columns
+        columns = self._differentiated(vector, number, voltage, here)
+        if self._slopes is not None:
+            self._slopes[number] = _Slope(vector.copy(), voltage, columns)
+        return columns
+
+    def _differentiated(self, vector: Array, number: int, voltage: Array, here: Array) -> Array:
+        columns = np.zeros((here.size, vector.size))
         for k in range(vector.size):
             moved = vector.copy()
             moved[k] += _STEP if vector[k] + _STEP <= self.upper[k] else -_STEP
             try:
-                there = self._all(moved, voltages)
+                there = self._run(self._near(moved, number), number, voltage) + self._differences[number]
             except BenchError:  # the link refuses this combination of values: taken as one that changes nothing
                 continue
-            for tangent, a, b in zip(tangents, there, here, strict=True):
-                tangent[:, k] = (a - b) / (moved[k] - vector[k])
-        return here, tangents
+            columns[:, k] = (there - here) / (moved[k] - vector[k])
+        return columns
 
     def regularisation(self) -> tuple[Array, Array]:
         """Nothing: every parameter is told by the data, or held."""

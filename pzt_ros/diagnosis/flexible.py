@@ -52,6 +52,10 @@ class FlexibleHysteresis(IdentifiedHysteresis):
     _at: tuple[Array, list[Array], list[Array], list[Array]] | None = None
     """Where the tangent was taken: vector, voltages, polarizations, columns of every run."""
 
+    def for_one_search(self) -> FlexibleHysteresis:
+        """Itself: it remembers nothing that another search would not find."""
+        return self
+
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> FlexibleHysteresis:
         """A copy that goes along the tangent taken here."""
         found = copy.copy(self)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -115,9 +115,10 @@ def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_ste
         BenchError: the model cannot be evaluated at the start.
     """
     low, high = staged.bounds
-    solution = solve(staged, start, low, high, most_steps=most_steps, tolerance=1e-5, prior=staged.prior)
+    alone = staged.for_one_search()
+    solution = solve(alone, start, low, high, most_steps=most_steps, tolerance=1e-5, prior=staged.prior)
     vector = _with_own_values(staged, solution.vector)
-    return Hypothesis(staged, replace(solution, jacobians=[]), vector, effects)
+    return Hypothesis(staged, solution, vector, effects)
 
 
 def exact(found: Hypothesis) -> Hypothesis:

@@ -20,6 +20,7 @@ _REFIT_STEPS = 12
 _LONG = 30  # steps more, for those that may win
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RIVAL = 0.6  # of the best one's gain
+_MUCH_LESS = 0.35  # of the misfit's rms: what is left may be a refit that has not ended
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,8 @@ class Search:
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]
         ended = not last.accepted or bool(last.tied) or len(last.after.effects) >= self.thresholds.most_effects
-        return not ended and not self.explains(steps, base)
+        out_of_reach = last.after.fit.ratio > self.thresholds.reachable
+        return not (ended or out_of_reach or self.explains(steps, base))
 
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
@@ -170,8 +172,8 @@ class Search:
 
     def _from_elsewhere(self, before: Hypothesis, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
         """The best refits of each effect, from the other origins, too, while none comes down to the noise."""
-        origins = iter(self.origins())
-        while not any(self.at_floor(h) for h in (before, *_afters(candidates))):
+        origins = iter(() if self.at_floor(before) else self.origins())
+        while min((max(c.after.ratios) for c in candidates), default=math.inf) > self.thresholds.settled:
             origin = next(origins, None)
             if origin is None:
                 break
@@ -246,11 +248,15 @@ class Search:
         self.progress(f"refitting with {', '.join(names)}" + _beside(before.effects))
         afters = self.workers.map(_fitted, prospects, repeat(before.effects))
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
-        rivals = _rivals(found)
+        rivals = [rival for rival in _rivals(found) if self._is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(_finished, [candidate.after for candidate in rivals], unfinished)
         better = {rival.name: after for rival, after in zip(rivals, exacts, strict=True)}
         return [replace(candidate, after=better.get(candidate.name, candidate.after)) for candidate in found]
+
+    def _is_worth_finishing(self, candidate: Candidate) -> bool:
+        left = candidate.after.fit.ratio
+        return left <= max(self.thresholds.finishable, _MUCH_LESS * candidate.before.fit.ratio)
 
     def _is_significant(self, candidate: Candidate) -> bool:
         asked = self.thresholds
@@ -298,10 +304,6 @@ def _finished(hypothesis: Hypothesis, further: bool) -> Hypothesis:
     if further:
         hypothesis = fitted(hypothesis.staged, hypothesis.vector, hypothesis.effects, _LONG)
     return exact(hypothesis)
-
-
-def _afters(candidates: Sequence[Candidate]) -> list[Hypothesis]:
-    return [candidate.after for candidate in candidates]
 
 
 def _best_of_each(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

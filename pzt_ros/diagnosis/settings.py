@@ -20,10 +20,13 @@ class Thresholds:
         pair_share: that two effects have to explain together where neither explains `share` alone.
         pair_promise: the same as the screen has to promise it, which sees along a line only.
         floor: rms over noise up to which nothing is left to explain.
+        settled: the same up to which no refit from elsewhere is tried: a wrong effect may come down to 1.04.
         whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
         nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
             base lacks something else, and an effect may only stand in for it.
         hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
+        finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it.
+        reachable: the same up to which further effects are looked for beside one that was found.
         tie: share of the winner's gain from which another effect is as good.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         refits: candidates that are refitted at most.
@@ -43,10 +46,13 @@ class Thresholds:
     pair_share: float = 0.8
     pair_promise: float = 0.4
     floor: float = 1.05
+    settled: float = 1.02
     whole: float = 0.9
     near_floor: float = 1.15
     nameable: float = 4.0
     hopeless: float = math.inf
+    finishable: float = 8.0
+    reachable: float = 12.0
     tie: float = 0.93
     decisive: float = 25.0
     refits: int = 4

@@ -55,6 +55,10 @@ class Hysteresis(Protocol):
         """The ceramic as a link."""
         ...
 
+    def for_one_search(self) -> Hysteresis:
+        """What one search may use by itself: what it is asked first may change what it answers then."""
+        ...
+
     def exact_at(self, vector: Array, voltages: Sequence[Array]) -> Hysteresis:
         """The same, without approximation at a vector."""
         ...
@@ -146,6 +150,10 @@ class Staged:
     def exact_at(self, vector: Array) -> Staged:
         """The same with the ceramic exact at a vector."""
         return dataclasses.replace(self, ceramic=self.ceramic.exact_at(vector[: self._own], self.voltages(vector)))
+
+    def for_one_search(self) -> Staged:
+        """The same for one search alone."""
+        return dataclasses.replace(self, ceramic=self.ceramic.for_one_search())
 
     def voltages(self, vector: Array) -> list[Array]:
         """Across the ceramic, of every run [V]."""

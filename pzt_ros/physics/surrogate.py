@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
+
+import numpy as np
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.front import Front
+from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
+from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import parameters_of
 
 ACCURACY = 1e-4
 """Asked of a surrogate's integration; its own distance from the polycrystal is larger."""
+
+_LOOSE = 1e-3
+_MANY = 0.25  # thermal widths that the field climbs by in the mean sample: a substep of the front model
 
 _TABLES = ("coercive_density", "interaction_density", "threshold_density")
 
@@ -23,6 +31,17 @@ def surrogate_of(model: Ferroelectric) -> Ferroelectric:
     shared = [name for name in parameters_of(Front) if name in parameters_of(model)]
     values: dict[str, Any] = {name: getattr(model, name) for name in (*shared, *_TABLES)}
     return Front(**{**values, "accuracy": ACCURACY})
+
+
+def in_few_steps(link: Link, voltage: Array) -> Any:
+    """A front model with longer substeps where a fit has made domains so narrow that each sample takes many.
+
+    Any other link, and a front model that steps fast, is returned as it is.
+    """
+    if not isinstance(link, Front):
+        return link
+    climb = float(np.mean(np.abs(np.diff(voltage)))) / link.layer_thickness
+    return dataclasses.replace(link, accuracy=_LOOSE) if climb > _MANY * link.thermal_width else link
 
 
 def with_surrogate(chain: Chain) -> Chain:

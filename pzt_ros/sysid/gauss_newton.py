@@ -51,7 +51,7 @@ class Solution:
 
     Attributes:
         vector: [shape (p,)].
-        residuals, jacobians: there, run by run.
+        residuals: there, run by run.
         cost: sum of squares of the residuals and of the rows of the prior.
         steps: accepted.
         converged: False where it ended for another reason than the tolerance.
@@ -59,7 +59,6 @@ class Solution:
 
     vector: Array
     residuals: list[Array]
-    jacobians: list[Array]
     cost: float
     steps: int
     converged: bool
@@ -91,13 +90,15 @@ def solve(
     """
     rows, targets = prior if prior is not None else (np.zeros((0, start.size)), np.zeros(0))
     vector = np.clip(np.asarray(start, dtype=float), lower, upper)
-    residuals, jacobians = problem.linearise(vector)
+    residuals, jacobians = problem.linearise(vector) if most_steps else (problem.residuals(vector), [])
     cost = _cost(residuals, rows, targets, vector)
     if not math.isfinite(cost):
         raise BenchError("the model is not finite where the fit starts; check the parameters it starts from")
     damping, converged = _FIRST_DAMPING, False
-    for count in range(most_steps + 1):
+    for count in range(most_steps):
         progress(count, cost)
+        if count:
+            residuals, jacobians = problem.linearise(vector)
         gram, gradient = normal_equations(residuals, jacobians)
         gram += rows.T @ rows
         gradient += rows.T @ (rows @ vector - targets)
@@ -106,7 +107,7 @@ def solve(
             step = _damped_step(gram, gradient, damping, lower - vector, upper - vector)
             promised = -(2.0 * float(gradient @ step) + float(step @ gram @ step))
             converged = promised <= tolerance * cost * (_STUCK if refused or damping > _LIGHT else 1.0)
-            if converged or count == most_steps:
+            if converged:
                 break
             trial = np.clip(vector + step, lower, upper)
             gained = cost - cost_at(problem, trial, rows, targets)
@@ -124,12 +125,11 @@ def solve(
             elif gained > _GOOD * promised:
                 damping = max(damping * _EASE, _LEAST_DAMPING)
         if not accepted:
-            return Solution(vector, residuals, jacobians, cost, count, converged)
+            return Solution(vector, residuals, cost, count, converged)
         vector, cost = trial, cost - gained
-        residuals, jacobians = problem.linearise(vector)
         if not refused and damping <= _LIGHT and gained <= tolerance * (cost + gained):
-            return Solution(vector, residuals, jacobians, cost, count + 1, True)
-    raise AssertionError("unreachable: the last round accepts no step")
+            return Solution(vector, problem.residuals(vector), cost, count + 1, True)
+    return Solution(vector, problem.residuals(vector), cost, most_steps, False)
 
 
 def _cost(residuals: Sequence[Array], rows: Array, targets: Array, vector: Array) -> float:

@@ -69,7 +69,8 @@ class Profile:
     ) -> None:
         self.problem, self.bounds, self.prior = problem, bounds, prior
         self.best = solve(problem, vector, *bounds, most_steps=_STEPS, tolerance=_POLISH, prior=prior)
-        jacobian = np.vstack(self.best.jacobians).astype(float)
+        _, self._jacobians = problem.linearise(self.best.vector)
+        jacobian = np.vstack(self._jacobians).astype(float)
         rows = np.zeros((0, vector.size)) if prior is None else prior[0]
         size = np.linalg.norm(jacobian, axis=0)
         size[size == 0.0] = 1.0
@@ -98,7 +99,7 @@ class Profile:
     def _noise_power(self, place: int) -> float:
         """What an independent sample's variance would have to be for an estimate as uncertain as it is."""
         variance = weight = 0.0
-        for residual, jacobian in zip(self.best.residuals, self.best.jacobians, strict=True):
+        for residual, jacobian in zip(self.best.residuals, self._jacobians, strict=True):
             gain = jacobian @ self._inverse[place]
             variance += float(gain @ remembered(residual, gain))
             weight += float(gain @ gain)
