@@ -12,7 +12,7 @@ from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
-from pzt_ros.effects.table import EFFECT_OF, EFFECTS
+from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
@@ -273,7 +273,9 @@ class Search:
 
     def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:
         gained = winner.before.total - winner.after.total
-        if winner.before.total - other.after.total < self.thresholds.tie * gained:
+        alike = not self.at_floor(winner.after) and frozenset((winner.cause, other.cause)) in CONFOUNDED
+        asked = self.thresholds.alike_tie if alike else self.thresholds.tie
+        if winner.before.total - other.after.total < asked * gained:
             return False
         decided = _gain(other.after.fit, winner.after.fit) > self.thresholds.decisive
         if winner.before.selection.samples:

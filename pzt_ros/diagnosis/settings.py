@@ -28,6 +28,8 @@ class Thresholds:
         finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it.
         reachable: the same up to which further effects are looked for beside one that was found.
         tie: share of the winner's gain from which another effect is as good.
+        alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
+            base lacks beside them may tip the scales.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         refits: candidates that are refitted at most.
         most_effects: that are added at most.
@@ -54,6 +56,7 @@ class Thresholds:
     finishable: float = 8.0
     reachable: float = 12.0
     tie: float = 0.93
+    alike_tie: float = 0.75
     decisive: float = 25.0
     refits: int = 4
     most_effects: int = 4
