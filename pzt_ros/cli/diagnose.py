@@ -68,6 +68,9 @@ def diagnose(
         str | None,
         typer.Option(help="scheduler whose workers refit the candidates instead: tcp://HOST:PORT", show_default=False),
     ] = None,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="95 % intervals of what was found, by refits along each parameter")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that a model lacks, add it, and state the error before and after.
@@ -88,7 +91,9 @@ def diagnose(
     if not tests:
         typer.echo("warning: no --test runs: nothing is checked on data that was not fitted", err=True)
     with _busy("diagnosing") as tell, threads(jobs) if dask is None else dask_workers(dask) as pool:
-        report = diagnose_runs(train, tests, chain, progress=tell, command=_command_line(), workers=pool)
+        report = diagnose_runs(
+            train, tests, chain, progress=tell, command=_command_line(), workers=pool, profile=profile
+        )
         tell("writing the report")
         report.save(out)
     if as_json:

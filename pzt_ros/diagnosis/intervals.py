@@ -8,9 +8,21 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.outcome import model_error
+from pzt_ros.diagnosis.report import Report
 from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
 
 _ROUNDS = 3
+
+
+def note_intervals(report: Report, final: Hypothesis) -> None:
+    """Write the intervals of its effects' parameters into a report and its model: `interval_95`, beside value and std.
+
+    None stands for an end that lies beyond the parameter's bound.
+    """
+    noted = report.model.notes["fit"]["parameters"]  # the effects of the report hold the same entries
+    for name, interval in intervals(final, final.effects).items():
+        noted[name]["interval_95"] = [interval.lower, interval.upper]
 
 
 def intervals(found: Hypothesis, links: Collection[str]) -> dict[str, Interval]:
@@ -30,7 +42,7 @@ def intervals(found: Hypothesis, links: Collection[str]) -> dict[str, Interval]:
         if each.kind in links and each.run is None
     ]
     for _ in range(_ROUNDS):
-        profile = Profile(staged, vector, staged.bounds, staged.prior)
+        profile = Profile(staged, vector, staged.bounds, staged.prior, widened=model_error(found))
         try:
             return {each.name: profile.interval(place).through(each.si) for place, each in asked}
         except BetterFitError as better:

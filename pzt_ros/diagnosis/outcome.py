@@ -95,7 +95,7 @@ def estimates(hypothesis: Hypothesis) -> dict[str, dict[str, Any]]:
     coordinates = (*getattr(staged.ceramic, "coordinates", ()), *staged.coordinates)
     first = staged.start.size - len(coordinates)
     covariance, undetermined = parameter_covariance(hypothesis.jacobians, solution.residuals, slice(first, None))
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * _model_error(hypothesis)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * model_error(hypothesis)
     found = {}
     for place, each in enumerate(coordinates):
         if each.run is None:
@@ -106,7 +106,7 @@ def estimates(hypothesis: Hypothesis) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _model_error(hypothesis: Hypothesis) -> float:
+def model_error(hypothesis: Hypothesis) -> float:
     """Factor on standard errors: what a model is off by is alike all along a run and does not average out."""
     runs = [hypothesis.staged.runs[number] for number in hypothesis.staged.fitted]
     share = np.mean([(_MODEL_ERROR * np.ptp(run.record.displacement) / run.noise) ** 2 for run in runs])

@@ -188,7 +188,17 @@ def quantity(entry: dict[str, Any] | None, beside: dict[str, Any] | None = None)
     suffix = _unit(unit, exponent)
     if told and suffix:
         text = f"({text})" if suffix.startswith("·") else text
-    return text + suffix
+    return text + suffix + _interval(entry, exponent, digits)
+
+
+def _interval(entry: dict[str, Any], exponent: int, digits: int) -> str:
+    """The 95 % interval in the unit and to the digits of the value; empty where none was asked for."""
+    if "interval_95" not in entry:
+        return ""
+    lower, upper = (None if end is None else f"{end / 10.0**exponent:.{digits}f}" for end in entry["interval_95"])
+    if lower is None or upper is None:
+        return ", 95 %: " + (f"at least {lower}" if lower else f"at most {upper}" if upper else "anything")
+    return f", 95 %: {lower} to {upper}"
 
 
 def _magnitude(value: float) -> int:

@@ -56,6 +56,7 @@ class Profile:
         vector: where its fit ended [shape (p,)].
         bounds: lowest and highest vector [each shape (p,)].
         prior: rows and targets of the fit, as `solve` takes them.
+        widened: factor on standard errors and intervals, for what the model itself is off by.
 
     Attributes:
         best: the optimum, found anew to more digits.
@@ -65,9 +66,14 @@ class Profile:
     """
 
     def __init__(
-        self, problem: Problem, vector: Array, bounds: tuple[Array, Array], prior: tuple[Array, Array] | None = None
+        self,
+        problem: Problem,
+        vector: Array,
+        bounds: tuple[Array, Array],
+        prior: tuple[Array, Array] | None = None,
+        widened: float = 1.0,
     ) -> None:
-        self.problem, self.bounds, self.prior = problem, bounds, prior
+        self.problem, self.bounds, self.prior, self._widened = problem, bounds, prior, widened
         self.best = solve(problem, vector, *bounds, most_steps=_STEPS, tolerance=_POLISH, prior=prior)
         _, self._jacobians = problem.linearise(self.best.vector)
         jacobian = np.vstack(self._jacobians).astype(float)
@@ -104,7 +110,7 @@ class Profile:
             variance += float(gain @ remembered(residual, gain))
             weight += float(gain @ gain)
         n, spent = sum(r.size for r in self.best.residuals), len(self._inverse) + len(self.best.residuals)
-        return variance / weight * n / max(1, n - spent) if weight > 0.0 else math.inf
+        return self._widened**2 * variance / weight * n / max(1, n - spent) if weight > 0.0 else math.inf
 
     def _end(self, place: int, power: float, side: float) -> float | None:
         """Where the misfit has risen by the quantile on one side; None where the bound comes first."""

@@ -256,6 +256,19 @@ def test_a_parameter_is_written_to_two_digits_of_its_error(
     assert found == text
 
 
+@pytest.mark.parametrize(
+    ("interval", "text"),
+    [
+        ([2.1e-3, 2.9e-3], "2.41 ± 0.12 ms, 95 %: 2.10 to 2.90"),
+        ([2.1e-3, None], "2.41 ± 0.12 ms, 95 %: at least 2.10"),
+        ([None, 2.9e-3], "2.41 ± 0.12 ms, 95 %: at most 2.90"),
+        ([None, None], "2.41 ± 0.12 ms, 95 %: anything"),
+    ],
+)
+def test_an_interval_is_said_beside_the_value(interval: list[float | None], text: str) -> None:
+    assert quantity({"value": 2.41e-3, "std": 0.12e-3, "unit": "s", "interval_95": interval}) == text
+
+
 def plant(seed: int) -> Record:
     """thesis-p1 under a few ramps of random height [1 kHz, 2 s], with noise."""
     rng = np.random.default_rng(seed)

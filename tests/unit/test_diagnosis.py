@@ -118,7 +118,8 @@ def null() -> Report:
 
 @pytest.fixture(scope="module")
 def creeping() -> Report:
-    return diagnose([run(1, "slow_relaxation"), run(2, "slow_relaxation")], [run(3, "slow_relaxation")], declared())
+    train = [run(1, "slow_relaxation"), run(2, "slow_relaxation")]
+    return diagnose(train, [run(3, "slow_relaxation")], declared(), profile=True)
 
 
 def test_says_that_nothing_is_missing_where_nothing_is(null: Report) -> None:
@@ -144,6 +145,17 @@ def test_names_creep_and_comes_down_to_the_noise(creeping: Report) -> None:
     (effect,) = creeping.effects
     assert effect.parameters["share"]["value"] == pytest.approx(0.03, rel=0.2)
     assert 0.5 < effect.probability <= 1.0
+
+
+def test_intervals_asked_for_are_in_the_report_and_in_the_model(creeping: Report) -> None:
+    (effect,) = creeping.effects
+    share = effect.parameters["share"]
+    lower, upper = share["interval_95"]
+    assert lower < 0.03 < upper
+    assert lower < share["value"] < upper
+    assert upper - lower == pytest.approx(4.0 * share["std"], rel=0.5)
+    assert creeping.model.notes["fit"]["parameters"]["slow_relaxation.share"]["interval_95"] == [lower, upper]
+    assert "interval_95" not in creeping.model.notes["fit"]["parameters"]["parametrized.shape_ascending"]
 
 
 def test_lag_is_answered_by_a_name_of_its_group() -> None:
