@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Any
 
 import pytest
+from scenarios import POLED_QUICKLY
 
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import Plan, environment, prepare
@@ -34,17 +35,6 @@ needs_browser = pytest.mark.skipif(
 
 PATIENCE = 120.0
 """Nothing in these tests takes this long [s] unless it hangs."""
-
-SCENARIO = """
-scenario: manual, poled quickly
-plant: bench-stage
-model: thesis-p2
-seed: 3
-rate: real time
-controllers: {inverse_pi: {integral_gain: 100 1/s}}
-limits: {command_timeout: 2 s, late_commands: 0}  # the machine of a test may be busy
-manual: {poling_ramp: 0.3 s, poling_hold: 0.2 s}
-"""
 
 
 def free_port() -> int:
@@ -93,7 +83,7 @@ class Nodes:
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True)
         scenario = folder / "manual.yaml"
-        scenario.write_text(SCENARIO)
+        scenario.write_text(POLED_QUICKLY)
         self._lock = take_domain(None)
         self.domain = self._lock.domain
         self._plan = Plan(load_scenario(scenario), folder / "run", False, REAL_TIME, None, self.domain)
@@ -138,6 +128,8 @@ class PanelPage:
     """The page in a browser: what a person sees and clicks."""
 
     def __init__(self, page: Any, panel: PanelProcess) -> None:
+        from playwright.sync_api import Error
+
         self.page = page
         self.asked: list[str] = []
         self.complaints: list[str] = []
@@ -150,7 +142,7 @@ class PanelPage:
             try:
                 page.goto(f"http://127.0.0.1:{panel.port}/")
                 break
-            except Exception:
+            except Error:
                 assert time.monotonic() < deadline, f"the panel does not answer: {panel.said}"
                 time.sleep(0.2)
         self.complaints.clear()  # of attempts before the server was up

@@ -11,7 +11,8 @@ from urllib.parse import urlsplit
 
 import psutil
 import pytest
-from bench import SCENARIO, Nodes, PanelPage, PanelProcess, chromium, needs_browser
+from bench import Nodes, PanelPage, PanelProcess, chromium, needs_browser
+from scenarios import POLED_QUICKLY
 
 pytestmark = [needs_browser, pytest.mark.timeout(900)]
 
@@ -115,7 +116,7 @@ def check_page(shown: PanelPage, panel: PanelProcess) -> None:
 
 def test_one_command_brings_the_graph_and_says_how_it_ended(browser: Any, tmp_path: Path, pictures: Path) -> None:
     scenario = tmp_path / "manual.yaml"
-    scenario.write_text(SCENARIO)
+    scenario.write_text(POLED_QUICKLY)
     with PanelProcess(tmp_path, str(scenario), "--out", str(tmp_path / "run")) as panel:
         shown = open_page(browser, panel, "dark")
         shown.see("DISABLED")

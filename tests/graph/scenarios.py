@@ -34,6 +34,17 @@ phases:
   - {phase: voltage, to: 100 V, duration: 600 s}
 """
 
+POLED_QUICKLY = """
+scenario: manual, poled quickly
+plant: bench-stage
+model: thesis-p2
+seed: 3
+rate: real time
+controllers: {inverse_pi: {integral_gain: 100 1/s}}
+limits: {command_timeout: 2 s, late_commands: 0}
+manual: {poling_ramp: 0.3 s, poling_hold: 0.2 s}
+"""
+
 
 def write(folder: Path, text: str) -> Path:
     """A scenario file in `folder`."""

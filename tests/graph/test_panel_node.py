@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from graph_process import GraphProcess, wait_until
+from scenarios import POLED_QUICKLY
 
 from pzt_ros.bags.reader import open_bag
 from pzt_ros.hardware.limits import Limits
@@ -20,16 +21,6 @@ from pzt_ros.panel.feed import NodeFeed
 from pzt_ros.panel.motion import Envelope, jog
 from pzt_ros.ros_environment import ros_environment
 
-SCENARIO = """
-scenario: manual, poled quickly
-plant: bench-stage
-model: thesis-p2
-seed: 3
-rate: real time
-controllers: {inverse_pi: {integral_gain: 100 1/s}}
-limits: {command_timeout: 2 s, late_commands: 0}
-manual: {poling_ramp: 0.3 s, poling_hold: 0.2 s}
-"""
 ROUNDS = 120
 WILD = (0.0, 1.0, -1.0, 5e-6, 9e-6, 50e-6, -3e-6, 1e9, 1e-12, float("nan"), float("inf"), None, True, "far", [], {})
 NAMES = ("enable", "reset", "controller", "trajectory", "pole", "jump", "", None, 7)
@@ -100,7 +91,7 @@ async def look(domain: int, folder: Path) -> tuple[str, Any]:
 
 def test_no_request_makes_the_stage_jump_or_leave_its_window(tmp_path: Path) -> None:
     scenario = tmp_path / "manual.yaml"
-    scenario.write_text(SCENARIO, encoding="utf-8")
+    scenario.write_text(POLED_QUICKLY, encoding="utf-8")
     with GraphProcess(scenario, tmp_path / "run") as graph:
         wait_until(lambda: (tmp_path / "run" / "run.json").exists(), "the run folder")
         answers = asyncio.run(attack(graph.domain, tmp_path))
