@@ -58,9 +58,9 @@ class GraphProcess:
         """The ROS domain that the bringup took; known before its nodes start."""
 
         def noted() -> bool:
-            assert self.process.poll() is None, self.wait()
             with contextlib.suppress(FileNotFoundError, json.JSONDecodeError):  # not there yet, or half of it
                 return "domain" in self.run_json()
+            assert self.process.poll() is None, self.wait()
             return False
 
         wait_until(noted, "the domain in run.json")

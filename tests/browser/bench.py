@@ -167,7 +167,7 @@ class PanelPage:
     def hear(self, words: str) -> None:
         """Wait until the newest answer has these words."""
         deadline = time.monotonic() + PATIENCE
-        while words not in (said := self.page.inner_text("[data-is=words]")).split("\n")[0]:
+        while words not in (said := self.words()).split("\n")[0]:
             assert time.monotonic() < deadline, f"waited for the answer '{words}', the last ones are: {said}"
             self.page.wait_for_timeout(50)
 
@@ -182,11 +182,27 @@ class PanelPage:
     def enable(self) -> None:
         """Press Enable, and wait until blocks flow: by then every node knows."""
         before = self.counts()["pushed"]
-        self.click("enable")
-        self.see("ENABLED")
+        deadline = time.monotonic() + PATIENCE
+        while not self._press_enable():  # who presses as soon as the page is there is refused until all is discovered
+            assert time.monotonic() < deadline, f"not enabled; the last answers are: {self.words()}"
         self.page.wait_for_function(
             "n => getElement(document.querySelector('.scope').id.slice(1)).counts().pushed >= n + 5", arg=before
         )
+
+    def _press_enable(self) -> bool:
+        from playwright.sync_api import TimeoutError as TooLate
+
+        self.click("enable")
+        enabled = "document.querySelector('[data-is=headline]')?.textContent === 'ENABLED'"
+        try:
+            self.page.wait_for_function(enabled, timeout=10e3)
+        except TooLate:
+            return False
+        return True
+
+    def words(self) -> str:
+        """What the page answered last."""
+        return str(self.page.inner_text("[data-is=words]"))
 
     def see_movement(self, least: float) -> None:
         """Wait until the measured displacement in the plot spans `least` [m], and the plot goes on being drawn."""
