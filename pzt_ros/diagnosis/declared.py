@@ -31,7 +31,13 @@ _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 1
 
 
 class _Slope(NamedTuple):
-    """How P of a run changes with each parameter, and where that was found."""
+    """How P of a run changes with each parameter, and where that was found.
+
+    Attributes:
+        vector: of the parameters [shape (p,)].
+        voltage: across the ceramic [V, shape (n,)].
+        columns: dP/dvector [C/m^2, shape (n, p)].
+    """
 
     vector: Array
     voltage: Array
@@ -148,11 +154,12 @@ class DeclaredHysteresis:
 
     def _differentiated(self, vector: Array, number: int, voltage: Array, here: Array) -> Array:
         columns = np.zeros((here.size, vector.size))
+        near = self._near(vector, number)  # with its substeps and spacing: a difference may not see them change
         for k in range(vector.size):
             moved = vector.copy()
             moved[k] += _STEP if vector[k] + _STEP <= self.upper[k] else -_STEP
             try:
-                there = self._run(self._near(moved, number), number, voltage) + self._differences[number]
+                there = self._run(self._valued(near, moved), number, voltage) + self._differences[number]
             except BenchError:  # the link refuses this combination of values: taken as one that changes nothing
                 continue
             columns[:, k] = (there - here) / (moved[k] - vector[k])

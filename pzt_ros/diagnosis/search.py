@@ -20,7 +20,6 @@ _REFIT_STEPS = 12
 _LONG = 30  # steps more, for those that may win
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RIVAL = 0.6  # of the best one's gain
-_MUCH_LESS = 0.35  # of the misfit's rms: what is left may be a refit that has not ended
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ class Search:
     effects: Sequence[Effect] = EFFECTS
     progress: Callable[[str], None] = lambda text: None
     workers: Workers = IN_THIS_PROCESS
-    origins: Callable[[], Iterable[Hypothesis]] = tuple
+    origins: Callable[[], Iterable[Hypothesis]] = lambda: ()
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -256,7 +255,7 @@ class Search:
 
     def _is_worth_finishing(self, candidate: Candidate) -> bool:
         left = candidate.after.fit.ratio
-        return left <= max(self.thresholds.finishable, _MUCH_LESS * candidate.before.fit.ratio)
+        return left <= max(self.thresholds.finishable, self.thresholds.much_less * candidate.before.fit.ratio)
 
     def _is_significant(self, candidate: Candidate) -> bool:
         asked = self.thresholds

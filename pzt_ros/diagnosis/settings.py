@@ -25,7 +25,8 @@ class Thresholds:
         nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
             base lacks something else, and an effect may only stand in for it.
         hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
-        finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it.
+        finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it,
+        much_less: unless no more than this share of the misfit's rms is left: then the refit has not ended.
         reachable: the same up to which further effects are looked for beside one that was found.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
@@ -54,6 +55,7 @@ class Thresholds:
     nameable: float = 4.0
     hopeless: float = math.inf
     finishable: float = 8.0
+    much_less: float = 0.35
     reachable: float = 12.0
     tie: float = 0.93
     alike_tie: float = 0.75
