@@ -194,6 +194,7 @@ class GraphNode(Node):
             self._last_report = (now, ticks)
         values = {"ticks": ticks, "ticks_per_second": round(rate, 1), **values, **self.counts}
         values["ready"] = self._was_ready
+        values["nodes"] = ",".join(self.peers)
         values["cpu_s"] = round(time.process_time(), 3)
         now_said = self.get_clock().now().to_msg()
         for axis in self.axes:

@@ -14,6 +14,7 @@ import numpy as np
 
 from pzt_benchmarks.soak.fault import FOUND, SAFE, Fault, Seen
 from pzt_ros.chains import load_chain
+from pzt_ros.errors import RunFailedError
 from pzt_ros.hardware.amplifier import AmplifierDriver, Applied, SimulatedAmplifier
 from pzt_ros.hardware.driver import DriverError
 from pzt_ros.hardware.guard import DISABLED, FAULT, RAMPING, GuardedAmplifier
@@ -161,7 +162,7 @@ def harmed(kind: str, value: Any, says: str) -> Any:
             before = rig.amplifier.next_block
             try:
                 tick = rig.follow(tick)
-            except Exception:
+            except RunFailedError:  # the amplifier took no command: right, once it ramps
                 if rig.amplifier.next_block != before or rig.amplifier.state != RAMPING:
                     raise
         rig.instrument.silent = False

@@ -75,7 +75,7 @@ class Board:
         """The banner."""
         if self.ended is not None:
             return self.ended
-        return shown_state(self.health, self.age("amplifier"))
+        return shown_state(self.health, {node: self.age(node) for node in self.health})
 
     @property
     def envelope(self) -> Envelope | None:

@@ -29,8 +29,6 @@ class Shown:
 
 UNKNOWN = Shown("unknown", "?", "NO GRAPH", "nobody answers in this ROS domain and namespace; is the graph running?")
 
-STARTING = Shown("off", "…", "STARTING", "the nodes find one another; a moment")
-
 _STATES = {
     "disabled": Shown("off", "○", "DISABLED", "the stage ignores commands; Enable lets it follow them"),
     "enabled": Shown("on", "▶", "ENABLED", "the stage follows commands, inside its limits"),
@@ -39,20 +37,20 @@ _STATES = {
 }
 
 
-def shown_state(health: Mapping[str, Mapping[str, Any]], age: float) -> Shown:
-    """The banner for what the nodes last said of themselves; the amplifier said it `age` [s] ago."""
+def shown_state(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, float]) -> Shown:
+    """The banner for what the nodes last said of themselves, and the times since then [s]."""
     amplifier = health.get("amplifier")
     if amplifier is None:
         return UNKNOWN
-    values = amplifier["values"]
+    values, age = amplifier["values"], ages["amplifier"]
     state, reason = str(values.get("state", "")), str(values.get("reason", ""))
     if age > SILENT_AFTER:
         return Shown(
             "fault", "✖", "AMPLIFIER SILENT", f"nothing heard for {age:.0f} s, it was {state}; look at the stage"
         )
     known = _STATES.get(state, Shown("unknown", "?", state.upper() or "UNKNOWN", ""))
-    if state == "disabled" and is_starting(health):
-        return STARTING
+    if state == "disabled":
+        return _shown_disabled(health, ages, reason)
     if not reason:
         return known
     if state == "ramping":
@@ -60,21 +58,36 @@ def shown_state(health: Mapping[str, Mapping[str, Any]], age: float) -> Shown:
     return Shown(known.look, known.sign, known.headline, f"{reason}. {known.reason}")
 
 
+def _shown_disabled(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, float], reason: str) -> Shown:
+    """Whoever reads that Enable will do must not be refused when pressing it."""
+    if why := waits_for(health):
+        return Shown("off", "…", "STARTING", f"a moment: {why}")
+    known = _STATES["disabled"]
+    says = [part for part in (reason, in_the_way(health, ages) or known.reason) if part]
+    return Shown(known.look, known.sign, known.headline, ". ".join(says))
+
+
 def in_the_way(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, float]) -> str:
     """Why the stage should not be enabled now, so that the beat does not stop at once; nothing if it may.
 
     `ages` are the times since each node said how it is [s].
     """
-    if is_starting(health):
-        return "the graph is still starting; enable it in a moment"
-    for node, said in health.items():
-        if ages[node] > SILENT_AFTER:
-            return f"{node} has been silent for {ages[node]:.0f} s; start it again first"
-        if said["values"].get("ready", "True") != "True":
-            return f"{node} is not ready: {said['text']}"
+    silent = next((node for node in health if ages[node] > SILENT_AFTER), None)
+    if silent is not None:
+        return f"{silent} has been silent for {ages[silent]:.0f} s; start it again first"
+    if why := waits_for(health):
+        return f"not yet: {why}"
     return ""
 
 
-def is_starting(health: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Whether the conductor of the graph still waits for the other nodes: enabled now, the beat would not begin."""
-    return bool(health.get("experiment", {}).get("values", {}).get("phase") == "starting")
+def waits_for(health: Mapping[str, Mapping[str, Any]]) -> str:
+    """What a graph that starts still lacks: enabled now, its beat would not begin. Nothing if it has all."""
+    expected = health.get("amplifier", {}).get("values", {}).get("nodes", "")  # nobody says it in a bag of old
+    if unheard := [node for node in expected.split(",") if node and node not in health]:
+        return f"not heard yet: {', '.join(unheard)}"
+    for node, said in health.items():
+        if said["values"].get("ready", "True") != "True":
+            return f"{node} is not ready: {said['text']}"
+    if health.get("experiment", {}).get("values", {}).get("phase") == "starting":
+        return "the experiment node still looks for the others"
+    return ""

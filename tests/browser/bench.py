@@ -180,25 +180,14 @@ class PanelPage:
         return self.page.evaluate("getElement(document.querySelector('.scope').id.slice(1)).rows")
 
     def enable(self) -> None:
-        """Press Enable, and wait until blocks flow: by then every node knows."""
+        """Press Enable, once, and wait until blocks flow: by then every node knows."""
         before = self.counts()["pushed"]
-        deadline = time.monotonic() + PATIENCE
-        while not self._press_enable():  # who presses as soon as the page is there is refused until all is discovered
-            assert time.monotonic() < deadline, f"not enabled; the last answers are: {self.words()}"
+        self.click("enable")
+        self.hear("amplifier enabled")
+        self.see("ENABLED")
         self.page.wait_for_function(
             "n => getElement(document.querySelector('.scope').id.slice(1)).counts().pushed >= n + 5", arg=before
         )
-
-    def _press_enable(self) -> bool:
-        from playwright.sync_api import TimeoutError as TooLate
-
-        self.click("enable")
-        enabled = "document.querySelector('[data-is=headline]')?.textContent === 'ENABLED'"
-        try:
-            self.page.wait_for_function(enabled, timeout=10e3)
-        except TooLate:
-            return False
-        return True
 
     def words(self) -> str:
         """What the page answered last."""

@@ -24,7 +24,7 @@ from pzt_ros.panel.feed import NodeFeed
 from pzt_ros.panel.frames import COLUMNS, Frames
 from pzt_ros.panel.page import node_words, tick_words
 from pzt_ros.panel.reports import Reports
-from pzt_ros.panel.safety import SILENT_AFTER, STARTING, UNKNOWN, in_the_way, shown_state
+from pzt_ros.panel.safety import SILENT_AFTER, UNKNOWN, in_the_way, shown_state
 from pzt_ros.wire import decode, decode_any, encode
 
 PERIOD = 0.005
@@ -125,9 +125,14 @@ def health(state: str, reason: str = "") -> dict[str, Any]:
     return {"amplifier": {"level": "ok", "text": "", "values": {"state": state, "reason": reason}}}
 
 
+NOW = {"amplifier": 0.0}
+STARTING = {**health(DISABLED), "experiment": {"text": "", "values": {"phase": "starting"}}}
+
+
 def test_every_state_of_the_machine_has_a_sign_and_words_of_its_own() -> None:
-    shown = [shown_state(health(state), 0.0) for state in {row.shown for row in STATES.values()}]
-    shown += [UNKNOWN, STARTING, shown_state(health("ramping", "why"), 0.0), shown_state(health("fault"), 99.0)]
+    shown = [shown_state(health(state), NOW) for state in {row.shown for row in STATES.values()}]
+    shown += [UNKNOWN, shown_state(health("ramping", "why"), NOW), shown_state(health("fault"), {"amplifier": 99.0})]
+    shown.append(shown_state(STARTING, dict.fromkeys(STARTING, 0.0)))
     assert len({(s.headline) for s in shown}) == len(shown)
     assert all(s.sign and s.headline and s.reason for s in shown)
     looks = {s.look for s in shown}
@@ -138,31 +143,47 @@ def test_every_state_of_the_machine_has_a_sign_and_words_of_its_own() -> None:
 def test_every_fault_shows_its_reason(cause: str) -> None:
     state = STATES[TABLE["enabled"][cause].state].shown
     for name in (state, "fault"):
-        shown = shown_state(health(name, f"{cause} at 3 s"), 0.0)
+        shown = shown_state(health(name, f"{cause} at 3 s"), NOW)
         assert shown.look == "fault"
         assert f"{cause} at 3 s" in shown.reason
 
 
 def test_a_silent_amplifier_is_not_believed() -> None:
-    assert shown_state(health("enabled"), SILENT_AFTER + 1.0).headline == "AMPLIFIER SILENT"
+    assert shown_state(health("enabled"), {"amplifier": SILENT_AFTER + 1.0}).headline == "AMPLIFIER SILENT"
 
 
-def test_a_graph_that_starts_says_so() -> None:
-    starting = {**health(DISABLED), "experiment": {"values": {"phase": "starting"}}}
-    assert shown_state(starting, 0.0) == STARTING
+READY = {"level": "ok", "text": "ready", "values": {"ready": "True"}}
+GRAPH = {
+    "amplifier": {**READY, "values": {"ready": "True", "state": DISABLED, "nodes": "amplifier,controller"}},
+    "controller": READY,
+}
+YOUNG = dict.fromkeys((*GRAPH, "experiment"), 0.5)
 
 
-def test_a_graph_with_a_dead_or_unready_node_is_not_enabled() -> None:
-    ready = {"values": {"ready": "True"}, "text": ""}
-    graph = {"amplifier": ready, "controller": ready}
-    young = dict.fromkeys(graph, 0.5)
-    assert in_the_way(graph, young) == ""
-    assert "controller has been silent for 9 s" in in_the_way(graph, {**young, "controller": 9.0})
-    waiting = {"values": {"ready": "False"}, "text": "waiting: no publisher on applied"}
-    assert "no publisher on applied" in in_the_way({**graph, "controller": waiting}, young)
-    assert "starting" in in_the_way(
-        {**graph, "experiment": {"values": {"phase": "starting"}}}, {**young, "experiment": 0}
-    )
+@pytest.mark.parametrize(
+    ("graph", "ages", "headline", "why"),
+    [
+        (GRAPH, YOUNG, "DISABLED", ""),
+        (GRAPH, {**YOUNG, "controller": 9.0}, "DISABLED", "controller has been silent for 9 s"),
+        ({"amplifier": GRAPH["amplifier"]}, YOUNG, "STARTING", "not heard yet: controller"),
+        (
+            {**GRAPH, "controller": {"text": "waiting: no publisher on applied", "values": {"ready": "False"}}},
+            YOUNG,
+            "STARTING",
+            "no publisher on applied",
+        ),
+        ({**GRAPH, "experiment": STARTING["experiment"]}, YOUNG, "STARTING", "looks for the others"),
+    ],
+)
+def test_whatever_forbids_enabling_is_on_the_banner(
+    graph: dict[str, Any], ages: dict[str, float], headline: str, why: str
+) -> None:
+    shown, problem = shown_state(graph, ages), in_the_way(graph, ages)
+    assert shown.headline == headline
+    assert bool(problem) == bool(why)
+    assert why in problem
+    assert why in shown.reason
+    assert ("Enable lets it follow" in shown.reason) == (not problem)
 
 
 @pytest.mark.parametrize(("rate", "words"), [("200.4", "running, 200/s"), ("", "running"), ("often", "running")])
