@@ -118,8 +118,7 @@ def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, toleran
     then the limit is the answer. The first trial continues with the last sample's slope, then secants; bisection where
     they leave the bracket or do not halve it in three.
     """
-    trial_state, at, trial_voltage, trial_fraction = state.copy(), np.empty(1), np.empty(1), np.empty(1)
-    trace = np.empty((1, COLUMNS))
+    trial_state = state.copy()
     least_slope = fr.least_slope
     for k in range(time.size):
         if not (time[k] >= state[TIME] and math.isfinite(time[k])):
@@ -132,10 +131,7 @@ def run_inverse(state, fr, time, target, voltage, phase_fraction, limit, toleran
         slope, v_old, miss_old, miss = least_slope, 0.0, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
             copy(state, trial_state)
-            at[0], trial_voltage[0] = time[k], v
-            if glide(trial_state, fr, np.int64(0), at, trial_voltage, trial_fraction, trace) == 0:
-                _detour(trial_state, fr, time[k], v)
-            x = trial_state[FRACTION]
+            x = _detour(trial_state, fr, time[k], v)
             miss = _polarization(x, v, fr) - target[k]
             if not known or abs(miss) <= tolerance:
                 break

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 from scipy import special
 
+from pzt_ros.physics.compiling import OUTER
 from pzt_ros.physics.density import Density, Gaussian, Table
 from pzt_ros.physics.signals import Array
 
@@ -119,7 +120,7 @@ def _cumulative(density: Table, fields: Array) -> Array:
     return np.interp(fields, every, sums)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**OUTER, error_model="numpy", nogil=True)
 def _fill(values, f1, f2, F2, change2, step):  # type: ignore[no-untyped-def]
     """Integrals over the barrier by Simpson's rule; f1 on quarter steps from 0, the others from -reach.
 
@@ -170,7 +171,7 @@ def finished(values: Array) -> None:
             np.multiply(there[..., other], sign, out=here[..., column])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**OUTER, error_model="numpy")
 def beyond_diagonal(values, start, f2, change2, step):  # type: ignore[no-untyped-def]
     """The points just beyond the diagonal, so that cells on it are as smooth as the others.
 
