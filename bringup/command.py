@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from pzt_bringup.axes import AxesSupervisor
+from pzt_bringup.compiling import compile_once
 from pzt_bringup.cpu_latency import awake_processor
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import Plan, prepare
@@ -73,6 +74,7 @@ def run_graph(
         plans = [_plan(axis, out.resolve(), bool(axes), composed, real_time, duration, lock.domain) for axis in chosen]
         for plan in plans:
             prepare(plan)
+            compile_once(plan, lambda text: None if quiet else print(text, file=sys.stderr))
         name = " and ".join(plan.scenario.name for plan in plans)
         with awake_processor() as awake, TerminalView(f"{name} in ROS domain {lock.domain}", quiet) as view:
             run = AxesSupervisor(plans, out.resolve(), view.show) if axes else Supervisor(plans[0], view.show)

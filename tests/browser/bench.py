@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from scenarios import POLED_QUICKLY
 
+from pzt_bringup.compiling import compile_once
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import Plan, environment, prepare
 from pzt_bringup.processes import STOP_ORDER
@@ -88,6 +89,7 @@ class Nodes:
         self.domain = self._lock.domain
         self._plan = Plan(load_scenario(scenario), folder / "run", False, REAL_TIME, None, self.domain)
         prepare(self._plan)
+        compile_once(self._plan, print)
         self._rows = {row.name: row for row in self._plan.processes}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         for name in self._rows:

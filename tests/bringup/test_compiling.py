@@ -1,0 +1,56 @@
+"""What the nodes need is compiled before they start, once for a set of models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pzt_bringup import compiling
+from pzt_bringup.plan import Plan
+from pzt_ros.loop import InProcessLoop
+from pzt_ros.scenario import AS_FAST_AS_POSSIBLE, load_scenario
+
+
+def test_models_are_compiled_once_and_again_when_they_are_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))  # Numba itself has looked already
+    compiled: list[str] = []
+    monkeypatch.setattr(InProcessLoop, "warm_up", lambda loop: compiled.append(loop.model.name))
+    scenario = load_scenario("scan")
+    told: list[str] = []
+    for model in ("thesis-p2", "thesis-p2", "p802", "thesis-p2"):
+        plan = Plan(replace(scenario, model=model), tmp_path, False, AS_FAST_AS_POSSIBLE, None, 0)
+        compiling.compile_once(plan, told.append)
+    assert len(compiled) == len(told) == 2
+    assert compiled[0] != compiled[1]
+
+
+def test_a_compilation_that_fails_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+    def fail(_: InProcessLoop) -> None:
+        raise KeyboardInterrupt
+
+    plan = Plan(load_scenario("scan"), tmp_path, False, AS_FAST_AS_POSSIBLE, None, 0)
+    told: list[str] = []
+    monkeypatch.setattr(InProcessLoop, "warm_up", fail)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            compiling.compile_once(plan, told.append)
+    assert len(told) == 2
+
+
+def test_warming_up_moves_nothing() -> None:
+    fresh, warm = InProcessLoop(load_scenario("scan")), InProcessLoop(load_scenario("scan"))
+    warm.warm_up()
+    first, second = fresh.start(), warm.start()
+    for _ in range(3):
+        assert (first.measurement == second.measurement).all()
+        assert (first.estimate.displacement == second.estimate.displacement).all()
+        after = fresh.step(first), warm.step(second)
+        assert after[0] is not None
+        assert after[1] is not None
+        first, second = after
