@@ -6,7 +6,6 @@ The node is the real one, in a process of its own, with the parameters of the ru
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -21,7 +20,7 @@ from pzt_bringup.domain import take_domain
 from pzt_bringup.processes import SEPARATE
 from pzt_ros.bags.recording import PARTS, Difference
 from pzt_ros.errors import BenchError, RunFailedError, named
-from pzt_ros.ros_environment import ros_environment
+from pzt_ros.ros_environment import ros_environment, supervised
 from pzt_ros.scenario import AS_FAST_AS_POSSIBLE
 
 TOLERANCE = 1e-9
@@ -74,7 +73,7 @@ def replay(bag: Path, node: str) -> dict[str, Any]:
     lock = take_domain(None)
     try:
         with tempfile.TemporaryDirectory(prefix="replay-") as scratch:
-            environment = {**ros_environment(Path(scratch) / "ros", lock.domain), "PZT_PARENT": str(os.getpid())}
+            environment = {**ros_environment(Path(scratch) / "ros", lock.domain), **supervised()}
             parameters = Path(scratch) / "parameters.yaml"
             parameters.write_text(yaml.safe_dump(_parameters(run, node)), encoding="utf-8")
             namespace = json.loads((run / "run.json").read_text(encoding="utf-8"))["namespace"]

@@ -12,6 +12,7 @@ from pzt_bringup.child import Child
 from pzt_bringup.plan import Plan, environment
 from pzt_bringup.processes import STOP_ORDER
 from pzt_bringup.shared_memory import sweep
+from pzt_ros.ros_environment import orphaned
 
 POLL = 0.05
 """The supervisor looks at its processes this often [s]."""
@@ -27,10 +28,10 @@ class Outcome:
 
 
 class Interrupts:
-    """Ctrl-C and SIGTERM, while `with` lasts: remembered, and no more."""
+    """Ctrl-C and SIGTERM, while `with` lasts: remembered, and no more; so is that who asked for the run is gone."""
 
     def __init__(self) -> None:
-        self.came = False
+        self._asked = False
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Interrupts:
@@ -42,7 +43,12 @@ class Interrupts:
             signal.signal(number, handler)
 
     def _note(self, _number: int, _frame: Any) -> None:
-        self.came = True
+        self._asked = True
+
+    @property
+    def came(self) -> bool:
+        """Whether the run is to end."""
+        return self._asked or orphaned()
 
 
 class Supervisor:

@@ -23,6 +23,7 @@ from rclpy.task import Future
 
 from pzt_nodes.clock_guard import ClockGuard
 from pzt_ros.errors import BenchError
+from pzt_ros.ros_environment import orphaned
 
 if TYPE_CHECKING:
     from pzt_nodes.graph_node import GraphNode
@@ -107,7 +108,7 @@ def _spin_to_the_end(executor: Any, bell: Bell, nodes: list[GraphNode], asked: l
     stopping: float | None = None
     while True:
         executor.spin_until_future_complete(bell.next_turn(), timeout_sec=SPIN_DEADLINE)
-        if stopping is None and (asked or _orphaned() or any(node.exit_code is not None for node in nodes)):
+        if stopping is None and (asked or orphaned() or any(node.exit_code is not None for node in nodes)):
             stopping = time.monotonic()
             for node in nodes:
                 node.stop()
@@ -115,12 +116,6 @@ def _spin_to_the_end(executor: Any, bell: Bell, nodes: list[GraphNode], asked: l
             late = time.monotonic() - stopping > STOP_DEADLINE
             if late or all(node.exit_code is not None for node in nodes):
                 return max(node.exit_code or 0 for node in nodes)
-
-
-def _orphaned() -> bool:
-    """Whether the supervisor that started this process is gone: then nobody would ever stop it."""
-    parent = os.environ.get("PZT_PARENT")
-    return parent is not None and os.getppid() != int(parent)
 
 
 def _one_line(error: Exception) -> str:

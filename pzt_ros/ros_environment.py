@@ -22,3 +22,14 @@ def ros_environment(log_folder: Path, domain: int | None = None) -> dict[str, st
     }
     chosen = {} if domain is None else {"ROS_DOMAIN_ID": str(domain)}
     return {**defaults, **os.environ, **chosen}
+
+
+def supervised() -> dict[str, str]:
+    """What tells a process that it shall not outlive this one; see `orphaned`."""
+    return {"PZT_PARENT": str(os.getpid())}
+
+
+def orphaned() -> bool:
+    """Whether the process that started this one, and said `supervised`, is gone: then nobody would ever stop it."""
+    parent = os.environ.get("PZT_PARENT")
+    return parent is not None and os.getppid() != int(parent)

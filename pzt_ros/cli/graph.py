@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from pzt_ros.errors import BenchError, RunFailedError
+from pzt_ros.ros_environment import supervised
 
 RUN_FILES = (
     "bag",
@@ -158,11 +160,17 @@ def graph_command(scenario: str, folder: Path, options: Mapping[str, object], fl
 
 def bring_up(scenario: str, folder: Path, options: Mapping[str, object], flags: Mapping[str, bool]) -> int:
     """Run the graph in a process of its own, which says what is wrong; returns its exit code, 1 if killed."""
-    process = subprocess.Popen(graph_command(scenario, folder, options, flags))
+    process = subprocess.Popen(graph_command(scenario, folder, options, flags), env={**os.environ, **supervised()})
+
+    def pass_on(_number: int, _frame: object) -> None:
+        process.terminate()  # it brings the stage to 0 V; in a terminal it has heard of Ctrl-C already
+
+    before = {number: signal.signal(number, pass_on) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         code = process.wait()
-    except KeyboardInterrupt:  # the graph heard it, too, and brings the stage to 0 V
-        code = process.wait()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     if code < 0:
         typer.echo(f"error: the graph's supervisor was killed by {signal.Signals(-code).name}; its nodes end", err=True)
     return code if code >= 0 else 1

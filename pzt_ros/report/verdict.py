@@ -38,7 +38,7 @@ def verdict(data: RunData, rows: Rows) -> str:
     compared = [
         f"{other.judged.rms / error.rms:.3g} times better than {name}"
         for name, other in rows
-        if other is not best and other.stretch.phase.kind == best.stretch.phase.kind
+        if other.stretch.controller != best.stretch.controller and other.stretch.phase.kind == best.stretch.phase.kind
     ]
     return text + (": " + listed(compared) if compared else "") + "."
 
