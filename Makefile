@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u COLCON_PREFIX_PATH \
 	-u _ROS_WHEELS_BOOTSTRAP_COMPLETE -u RMW_IMPLEMENTATION
 
-.PHONY: help install demo test lint bench convergence measured court soak clean
+.PHONY: help install demo test lint bench convergence gallery measured court soak clean
 
 help:
 	@echo "make demo   install into .venv, run the demo, write demo/report.html"
@@ -14,6 +14,7 @@ help:
 	@echo "make lint   ruff, mypy, import-linter"
 	@echo "make bench  measure, and write docs/performance.md and the README's performance table"
 	@echo "make convergence  how many domains a polycrystal needs: docs/convergence.md"
+	@echo "make gallery  do what the pages of docs/gallery say, and put what comes out on them (five minutes)"
 	@echo "make measured  judge the measured runs in ../shared/data, where they are: docs/measured.md"
 	@echo "make court  the diagnosis judged on hidden effects: docs/court.md (hours; goes on where it stopped; SEED=, ROUNDS=)"
 	@echo "make soak   perform every fault many times: docs/faults.md (hours; goes on where it stopped; REPEAT=)"
@@ -48,6 +49,9 @@ bench: install
 
 convergence: install
 	$(CLEAN) $(BIN)/python -m pzt_benchmarks.convergence --out docs
+
+gallery: install
+	$(CLEAN) $(BIN)/python -m pzt_benchmarks.gallery
 
 measured: install
 	$(CLEAN) $(BIN)/python -m pzt_benchmarks.measured --out docs

@@ -101,7 +101,7 @@ def build(names: Sequence[str], out: Path, tell: Callable[[str], None]) -> None:
         tell(f"{name}: {seconds:.0f} s")
         made = f"{_MADE}\n{provenance(command).line()} The commands of this page took {seconds:.0f} s.\n"
         (out / source.name).write_text(text + made, encoding="utf-8")
-    (out / _INDEX).write_text(_index(out), encoding="utf-8")
+    (out / _INDEX).write_text(index(out), encoding="utf-8")
 
 
 def pages() -> list[str]:
@@ -109,7 +109,7 @@ def pages() -> list[str]:
     return sorted(path.stem for path in PAGES.glob("*.md") if path.name != _INDEX)
 
 
-def _index(out: Path) -> str:
+def index(out: Path) -> str:
     """Every page's title, first paragraph and first picture."""
     entries = []
     for path in sorted(path for path in out.glob("*.md") if path.name != _INDEX):
