@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.diagnosis.data import RunData
-from pzt_ros.diagnosis.lines import about_parabola, without_lines
+from pzt_ros.diagnosis.lines import without_lines
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
@@ -54,13 +54,23 @@ def displacement_floors(records: Sequence[Record]) -> list[float]:
         BenchError: a displacement that does not move.
     """
     singles = [_of_neighbours(record) for record in records]
-    stretches = _without_tones([_settled(record) for record in records])
-    rates = [round(2.0 * math.log2(float(np.median(np.diff(record.time))))) for record in records]
+    stretches = quiet_stretches(records)
+    rates = [rate_of(record) for record in records]
     colours = {}
     for rate in set(rates):
         runs = zip(stretches, singles, rates, strict=True)
         colours[rate] = _colour([hold / single for holds, single, own in runs if own == rate for hold in holds])
     return [single * colours[rate] for single, rate in zip(singles, rates, strict=True)]
+
+
+def rate_of(record: Record) -> int:
+    """The same for records that are sampled alike, within a fifth."""
+    return round(2.0 * math.log2(float(np.median(np.diff(record.time)))))
+
+
+def quiet_stretches(records: Sequence[Record]) -> list[list[Array]]:
+    """Displacement of each record's holds, once what rings or creeps fast is over, without tones [m]."""
+    return _without_tones([_settled(record) for record in records])
 
 
 def _without_tones(runs: Sequence[Sequence[Stretch]]) -> list[list[Array]]:
@@ -82,11 +92,6 @@ def _of_neighbours(record: Record) -> float:
     if span == 0.0:
         raise BenchError(f"{record.name}: displacement_m stays at {record.displacement[0]:.6g} m; check the sensor")
     return max(noise_floor(record.displacement).rms, _LEAST_SHARE * span)
-
-
-def scatters_in_holds(record: Record) -> list[Array]:
-    """What each hold leaves about a parabola, once what rings or creeps fast is over [m]."""
-    return [about_parabola(time, values) for time, values in _settled(record)]
 
 
 def _settled(record: Record) -> list[Stretch]:

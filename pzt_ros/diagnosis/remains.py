@@ -13,10 +13,11 @@ import numpy as np
 from scipy import signal as scipy_signal
 
 from pzt_ros.diagnosis.data import RunData
-from pzt_ros.diagnosis.floor import scatters_in_holds
+from pzt_ros.diagnosis.floor import quiet_stretches, rate_of
 from pzt_ros.diagnosis.lines import FEWEST, strongest
 from pzt_ros.diagnosis.views import centred
 from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.noise import spread_of
 
 _signal: Any = scipy_signal  # SciPy carries no types
 
@@ -24,6 +25,7 @@ _LINE = 12.0  # a spectral line stands out by this factor over the median of its
 _PIECE = 4096  # samples of a spectrum
 _WINDOWS = 24
 _MEAN_TIME = 0.05  # [s], slow remains show in means over this
+_FEWEST_MEANS = 4  # of a hold: a third difference takes as many
 _LEAST_SLOW = 0.2  # of the noise: a model is as near to a stage as that, and no nearer
 
 
@@ -57,29 +59,41 @@ def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float
     left = [np.where(run.clear, centred(run, r), 0.0) for run, r in zip(runs, residuals, strict=True)]
     rms = math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
     ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, left, strict=True)]
-    slow = [_slow_ratio(run, r) for run, r in zip(runs, left, strict=True)]
+    slow = [_slow_ratio(run, r, colour) for run, r, colour in zip(runs, left, _colours(runs), strict=True)]
     times = math.sqrt(float(np.mean(np.square(ratios))))
     present = max(ratios) > floor or max(slow) > slow_floor
     return Remains(rms, times, max(slow), present, _described(runs, left, ratios) if present else "")
 
 
-def _slow_ratio(run: RunData, residual: Array) -> float:
+def _slow_ratio(run: RunData, residual: Array, colour: float) -> float:
     """See Remains.slow; 0 where it is too small to matter, however sure."""
-    step = float(np.median(np.diff(run.record.time)))
-    length = max(round(_MEAN_TIME / step), 4)
+    length = _mean_length(run)
     if residual.size < 8 * length:
         return 0.0
     rms = float(np.sqrt(np.mean(_means(residual, length) ** 2)))
-    return rms / _slow_noise(run, length) if rms > _LEAST_SLOW * run.noise else 0.0
+    return rms * math.sqrt(length) / (colour * run.noise) if rms > _LEAST_SLOW * run.noise else 0.0
 
 
-def _slow_noise(run: RunData, length: int) -> float:
-    """Rms of means of the noise [m]: as holds show it, and at least what white noise would leave."""
-    white = run.noise / math.sqrt(length)
-    scatters = [scatter for scatter in scatters_in_holds(run.record) if scatter.size >= 2 * length]
-    if not scatters:
-        return white
-    return max(white, float(np.sqrt(np.mean(np.concatenate([_means(s, length) for s in scatters]) ** 2))))
+def _mean_length(run: RunData) -> int:
+    """Samples of a mean."""
+    return max(round(_MEAN_TIME / float(np.median(np.diff(run.record.time)))), 4)
+
+
+def _colours(runs: Sequence[RunData]) -> list[float]:
+    """By how much means of the noise of each run are larger than those of white noise, as holds show.
+
+    Single holds tell it badly, so those of all runs at one rate are asked together. Where runs at a rate have none, the
+    same sensor's noise is taken to be as slow as it is at the others.
+    """
+    rates, shown = [rate_of(run.record) for run in runs], {}
+    stretches = quiet_stretches([run.record for run in runs])
+    for rate in set(rates):
+        alike = [(run, held) for run, held, own in zip(runs, stretches, rates, strict=True) if own == rate]
+        means = [_means(hold / run.noise, _mean_length(run)) for run, held in alike for hold in held]
+        told = [mean for mean in means if mean.size >= _FEWEST_MEANS]
+        if told:
+            shown[rate] = max(spread_of(told) * math.sqrt(_mean_length(alike[0][0])), 1.0)
+    return [shown.get(rate, max(shown.values(), default=1.0)) for rate in rates]
 
 
 def _means(values: Array, length: int) -> Array:

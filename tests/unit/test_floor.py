@@ -115,3 +115,17 @@ def test_one_that_fails_where_nothing_was_fitted_is_still_made_exact() -> None:
     assert _rivals([right, weaker, hopeless]) == [right, weaker]
     ahead = candidate(900.0, 1.2)
     assert _rivals([right, ahead, hopeless]) == [right, ahead]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_slow_noise_of_a_run_without_holds_is_known_from_the_other_runs(seed: int) -> None:
+    """At another rate, too: bursts at five times the rate have no holds that would tell."""
+    time = np.arange(20_000) / 5e3
+    burst = Record("burst", {"time_s": time, "voltage_V": 50 * np.sin(300 * time), "displacement_m": time})
+    for make, present in ((coloured, False), (white, True)):
+        known, own = make(seed, 20_000), coloured(seed + 100, time.size)
+        data = [
+            RunData(steps(known), {FIT: np.arange(known.size)}, NOISE),
+            RunData(burst, {FIT: np.arange(own.size)}, NOISE),
+        ]
+        assert remains_of(data, [known, own], 1.2, 2.0).present is present
