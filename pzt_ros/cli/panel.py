@@ -179,9 +179,11 @@ def _noted(folder: Path) -> dict[str, Any]:
 
 
 def _watch(process: subprocess.Popen[bytes], folder: Path) -> Beside:
-    """Says on the board how the graph ended, if it does."""
+    """Says on the board that the graph starts, and how it ended, if it does."""
+    from pzt_ros.panel.safety import BEGINNING
 
     async def watch(board: Board) -> None:
+        board.unheard = BEGINNING
         while process.poll() is None:
             await asyncio.sleep(0.2)
         outcome = _noted(folder).get("outcome", {})

@@ -11,7 +11,7 @@ from typing import Any
 
 from pzt_ros.panel.frames import Row, as_record
 from pzt_ros.panel.motion import Envelope
-from pzt_ros.panel.safety import Shown, shown_state
+from pzt_ros.panel.safety import UNKNOWN, Shown, shown_state
 
 LINES = 3
 """Of what came of requests."""
@@ -29,6 +29,7 @@ class Board:
         health: what each node of the axis last said: level, text, values.
         about: of the axis: namespace, geometry, envelope, names of controllers, whether it is simulated.
         said: what came of the latest requests, the newest first: whether granted, and in words.
+        unheard: what the banner says while no amplifier has been heard.
         ended: what the banner says since there is nothing more to come, such as how the graph ended.
     """
 
@@ -36,6 +37,7 @@ class Board:
     health: dict[str, dict[str, Any]] = field(default_factory=dict)
     about: dict[str, Any] = field(default_factory=dict)
     said: deque[tuple[bool, str]] = field(default_factory=lambda: deque(maxlen=LINES))
+    unheard: Shown = UNKNOWN
     ended: Shown | None = None
     listeners: list[Callable[[list[Row]], None]] = field(default_factory=list)
     _heard: dict[str, float] = field(default_factory=dict)
@@ -75,6 +77,8 @@ class Board:
         """The banner."""
         if self.ended is not None:
             return self.ended
+        if "amplifier" not in self.health:
+            return self.unheard
         return shown_state(self.health, {node: self.age(node) for node in self.health})
 
     @property

@@ -29,6 +29,10 @@ class Shown:
 
 UNKNOWN = Shown("unknown", "?", "NO GRAPH", "nobody answers in this ROS domain and namespace; is the graph running?")
 
+BEGINNING = Shown(
+    "off", "…", "STARTING", "the graph is on its way; a machine's first run compiles for half a minute"
+)
+
 _STATES = {
     "disabled": Shown("off", "○", "DISABLED", "the stage ignores commands; Enable lets it follow them"),
     "enabled": Shown("on", "▶", "ENABLED", "the stage follows commands, inside its limits"),
@@ -38,11 +42,8 @@ _STATES = {
 
 
 def shown_state(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, float]) -> Shown:
-    """The banner for what the nodes last said of themselves, and the times since then [s]."""
-    amplifier = health.get("amplifier")
-    if amplifier is None:
-        return UNKNOWN
-    values, age = amplifier["values"], ages["amplifier"]
+    """The banner for what the nodes, with the amplifier, last said of themselves, and the times since then [s]."""
+    values, age = health["amplifier"]["values"], ages["amplifier"]
     state, reason = str(values.get("state", "")), str(values.get("reason", ""))
     if age > SILENT_AFTER:
         return Shown(

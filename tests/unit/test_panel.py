@@ -24,7 +24,7 @@ from pzt_ros.panel.feed import NodeFeed
 from pzt_ros.panel.frames import COLUMNS, Frames
 from pzt_ros.panel.page import node_words, tick_words
 from pzt_ros.panel.reports import Reports
-from pzt_ros.panel.safety import SILENT_AFTER, UNKNOWN, in_the_way, shown_state
+from pzt_ros.panel.safety import BEGINNING, SILENT_AFTER, UNKNOWN, in_the_way, shown_state
 from pzt_ros.wire import decode, decode_any, encode
 
 PERIOD = 0.005
@@ -146,6 +146,16 @@ def test_every_fault_shows_its_reason(cause: str) -> None:
         shown = shown_state(health(name, f"{cause} at 3 s"), NOW)
         assert shown.look == "fault"
         assert f"{cause} at 3 s" in shown.reason
+
+
+def test_before_anybody_is_heard_the_banner_says_what_is_waited_for() -> None:
+    board = Board()
+    assert board.safety.headline == "NO GRAPH"
+    board.unheard = BEGINNING  # it was started with the panel
+    board.take({"health": [{"node": "recorder", **READY}]})
+    assert board.safety.headline == "STARTING"
+    board.take({"health": [{"node": node, **said} for node, said in GRAPH.items()]})
+    assert board.safety.headline == "DISABLED"
 
 
 def test_a_silent_amplifier_is_not_believed() -> None:
