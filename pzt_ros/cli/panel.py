@@ -19,7 +19,7 @@ import typer
 from pzt_ros.cli.graph import graph_command, run_folder
 from pzt_ros.errors import BenchError, RunFailedError
 from pzt_ros.graphs import running_graphs
-from pzt_ros.ros_environment import ros_environment, supervised
+from pzt_ros.ros_environment import ros_environment
 
 if TYPE_CHECKING:
     from pzt_ros.panel.board import Board
@@ -147,7 +147,7 @@ def _ended_by_signals() -> Iterator[None]:
 @contextmanager
 def _graph(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     """The graph as a process, brought to a safe end with the panel."""
-    process = subprocess.Popen(command, env={**os.environ, **supervised()})
+    process = subprocess.Popen(command)  # a panel that is killed leaves it as it is
     try:
         yield process
     finally:
