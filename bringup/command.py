@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from pzt_bringup.axes import AxesSupervisor
-from pzt_bringup.compiling import compile_once
 from pzt_bringup.cpu_latency import awake_processor
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import Plan, prepare
@@ -18,6 +17,7 @@ from pzt_bringup.supervisor import Outcome, Supervisor
 from pzt_bringup.view import TerminalView
 from pzt_ros.axes import Axis, axes_of
 from pzt_ros.errors import BenchError
+from pzt_ros.first_run import compile_once
 from pzt_ros.hardware.choose import Drivers, load_drivers
 from pzt_ros.scenario import REAL_TIME, load_scenario
 
@@ -74,7 +74,7 @@ def run_graph(
         plans = [_plan(axis, out.resolve(), bool(axes), composed, real_time, duration, lock.domain) for axis in chosen]
         for plan in plans:
             prepare(plan)
-            compile_once(plan, lambda text: None if quiet else print(text, file=sys.stderr))
+            compile_once(plan.scenario, lambda text: None if quiet else print(text, file=sys.stderr))
         name = " and ".join(plan.scenario.name for plan in plans)
         with awake_processor() as awake, TerminalView(f"{name} in ROS domain {lock.domain}", quiet) as view:
             run = AxesSupervisor(plans, out.resolve(), view.show) if axes else Supervisor(plans[0], view.show)

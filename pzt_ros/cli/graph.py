@@ -69,10 +69,12 @@ def run(
     if replay is not None:
         raise typer.Exit(_replay(replay, node, tolerance, as_json))
     from pzt_ros.axes import axes_of
+    from pzt_ros.first_run import compile_once
     from pzt_ros.loop import refuse_what_cannot_be
     from pzt_ros.scenario import load_scenario
 
     for one in [axis.scenario for axis in axes_of(scenario)] or [scenario]:
+        compile_once(load_scenario(one), lambda text: typer.echo(text, err=True))
         refuse_what_cannot_be(load_scenario(one))
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace, "--drivers": drivers}
     flags = {"--composed": composed, "--real-time": real_time}

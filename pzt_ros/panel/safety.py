@@ -29,9 +29,7 @@ class Shown:
 
 UNKNOWN = Shown("unknown", "?", "NO GRAPH", "nobody answers in this ROS domain and namespace; is the graph running?")
 
-BEGINNING = Shown(
-    "off", "…", "STARTING", "the graph is on its way; a machine's first run compiles for half a minute"
-)
+BEGINNING = Shown("off", "…", "STARTING", "the graph is on its way; a machine's first run compiles for half a minute")
 
 _STATES = {
     "disabled": Shown("off", "○", "DISABLED", "the stage ignores commands; Enable lets it follow them"),

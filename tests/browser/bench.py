@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 from scenarios import POLED_QUICKLY
 
-from pzt_bringup.compiling import compile_once
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import Plan, environment, prepare
 from pzt_bringup.processes import STOP_ORDER
+from pzt_ros.first_run import compile_once
 from pzt_ros.scenario import REAL_TIME, load_scenario
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -89,7 +89,7 @@ class Nodes:
         self.domain = self._lock.domain
         self._plan = Plan(load_scenario(scenario), folder / "run", False, REAL_TIME, None, self.domain)
         prepare(self._plan)
-        compile_once(self._plan, print)
+        compile_once(self._plan.scenario, print)
         self._rows = {row.name: row for row in self._plan.processes}
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         for name in self._rows:

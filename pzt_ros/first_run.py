@@ -1,4 +1,4 @@
-"""Compiles what the nodes of a run need, before they are started.
+"""Compiles what the nodes of a scenario need, before they are started.
 
 Started with an empty cache, every node would compile the same at the same time as the others: on two cores that takes
 three times as long as once, and longer than the experiment waits for them.
@@ -11,23 +11,22 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from pzt_bringup.plan import Plan
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.loop import InProcessLoop
 from pzt_ros.scenario import Scenario
 
 
-def compile_once(plan: Plan, tell: Callable[[str], None]) -> None:
-    """Compile for a plan what was not compiled on this machine before; says so, because it takes a while.
+def compile_once(scenario: Scenario, tell: Callable[[str], None]) -> None:
+    """Compile for a scenario what was not compiled on this machine before; says so, because it takes a while.
 
     Raises:
         BenchError: bad chain, or a model that cannot be evaluated.
     """
-    done = Path(os.environ["NUMBA_CACHE_DIR"]) / f"compiled-{_digest(plan.scenario)}"
+    done = Path(os.environ["NUMBA_CACHE_DIR"]) / f"compiled-{_digest(scenario)}"
     if done.exists():
         return
-    tell(f"compiling {plan.scenario.name}; only the first run on this machine has to wait for that")
-    InProcessLoop(plan.scenario).warm_up()
+    tell(f"compiling {scenario.name}; only the first run on this machine has to wait for that")
+    InProcessLoop(scenario).warm_up()
     done.parent.mkdir(parents=True, exist_ok=True)
     done.touch()
 

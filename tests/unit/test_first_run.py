@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pzt_bringup import compiling
-from pzt_bringup.plan import Plan
+from pzt_ros.first_run import compile_once
 from pzt_ros.loop import InProcessLoop
-from pzt_ros.scenario import AS_FAST_AS_POSSIBLE, load_scenario
+from pzt_ros.scenario import load_scenario
 
 
 def test_models_are_compiled_once_and_again_when_they_are_others(
@@ -22,8 +21,7 @@ def test_models_are_compiled_once_and_again_when_they_are_others(
     scenario = load_scenario("scan")
     told: list[str] = []
     for model in ("thesis-p2", "thesis-p2", "p802", "thesis-p2"):
-        plan = Plan(replace(scenario, model=model), tmp_path, False, AS_FAST_AS_POSSIBLE, None, 0)
-        compiling.compile_once(plan, told.append)
+        compile_once(replace(scenario, model=model), told.append)
     assert len(compiled) == len(told) == 2
     assert compiled[0] != compiled[1]
 
@@ -34,12 +32,11 @@ def test_a_compilation_that_fails_is_tried_again(tmp_path: Path, monkeypatch: py
     def fail(_: InProcessLoop) -> None:
         raise KeyboardInterrupt
 
-    plan = Plan(load_scenario("scan"), tmp_path, False, AS_FAST_AS_POSSIBLE, None, 0)
     told: list[str] = []
     monkeypatch.setattr(InProcessLoop, "warm_up", fail)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
-            compiling.compile_once(plan, told.append)
+            compile_once(load_scenario("scan"), told.append)
     assert len(told) == 2
 
 
