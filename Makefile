@@ -27,6 +27,7 @@ $(VENV)/.installed: pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 10) <= v < (3, 14) and f"Python 3.10 to 3.13 is needed, this is {v[0]}.{v[1]}; try make PYTHON=python3.12")'
 	@$(PYTHON) -m venv $(VENV) || { echo "python3-venv is missing: apt install python3-venv"; exit 1; }
 	$(CLEAN) $(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(CLEAN) $(BIN)/python -m pzt_ros.first_run
 	@touch $@
 
 demo: install

@@ -13,7 +13,10 @@ from pathlib import Path
 
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.loop import InProcessLoop
-from pzt_ros.scenario import Scenario
+from pzt_ros.scenario import Scenario, load_scenario
+
+SHIPPED = ("scan", "manual")
+"""What `pzt run` and `pzt panel` do where nothing else is said; compiled when the project is installed."""
 
 
 def compile_once(scenario: Scenario, tell: Callable[[str], None]) -> None:
@@ -35,3 +38,13 @@ def _digest(scenario: Scenario) -> str:
     """Of all that decides which functions are called."""
     parts = load_chain(scenario.plant).links, load_model(scenario.model).links, scenario.observer, scenario.controllers
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+
+
+def main() -> None:
+    """Compile what a newcomer tries first."""
+    for name in SHIPPED:
+        compile_once(load_scenario(name), print)
+
+
+if __name__ == "__main__":
+    main()
