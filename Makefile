@@ -35,8 +35,8 @@ demo: install
 
 # Where no result depends on time, two run at once; graphs that keep time, and the browser, have the machine to themselves.
 test: install lint
-	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --ignore tests/graph --ignore tests/browser
-	$(CLEAN) $(BIN)/pytest tests/graph tests/browser
+	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --durations 15 --ignore tests/graph --ignore tests/browser
+	$(CLEAN) $(BIN)/pytest --durations 15 tests/graph tests/browser
 
 lint: install
 	$(BIN)/ruff check --quiet .

@@ -16,10 +16,10 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNonlinearity(Link):
-    """y + amplitude * (cos(mix) * y^2/R + sin(mix) * y^3/R^2) + quartic * y^4/R^3 + quintic * y^5/R^4.
+    """y + amplitude * (cos(mix) * y^2/R + sin(mix) * y^3/R^2) + quartic * y^4/R^3 + ... + septic * y^7/R^6.
 
-    The size and which of the two lower powers it is; the two higher ones for a curve that waves. R is given, not found:
-    the range of the sensor, or the span of the record.
+    The size and which of the two lower powers it is; the four higher ones for a curve that waves, which they follow to
+    a thousandth over one wave. R is given, not found: the range of the sensor, or the span of the record.
     """
 
     kind: ClassVar[str] = "sensor_nonlinearity"
@@ -27,8 +27,10 @@ class SensorNonlinearity(Link):
 
     amplitude: float = parameter(0.0, "1", "error at the end of the range over the range", bounds=(-0.5, 0.5))
     mix: float = parameter(0.0, "rad", "0 for quadratic, pi/2 for cubic", bounds=(-math.pi, math.pi))
-    quartic: float = parameter(0.0, "1", "of y^4, error at the end of the range over the range", bounds=(-0.5, 0.5))
-    quintic: float = parameter(0.0, "1", "of y^5, error at the end of the range over the range", bounds=(-0.5, 0.5))
+    quartic: float = parameter(0.0, "1", "of y^4, error at the end of the range over the range", bounds=(-5.0, 5.0))
+    quintic: float = parameter(0.0, "1", "of y^5, error at the end of the range over the range", bounds=(-5.0, 5.0))
+    sextic: float = parameter(0.0, "1", "of y^6, error at the end of the range over the range", bounds=(-5.0, 5.0))
+    septic: float = parameter(0.0, "1", "of y^7, error at the end of the range over the range", bounds=(-5.0, 5.0))
     range: float = parameter(1e-5, "m", "of the sensor", symbol="R", bounds=(1e-9, 1.0))
 
     def init(self, rest: Rest) -> State:
@@ -51,12 +53,14 @@ class SensorNonlinearity(Link):
 
     @property
     def _powers(self) -> tuple[float, ...]:
-        """Coefficients of y^2 [1/m] to y^5 [1/m^4]."""
+        """Coefficients of y^2 [1/m] to y^7 [1/m^6]."""
         return (
             self.amplitude * math.cos(self.mix) / self.range,
             self.amplitude * math.sin(self.mix) / self.range**2,
             self.quartic / self.range**3,
             self.quintic / self.range**4,
+            self.sextic / self.range**5,
+            self.septic / self.range**6,
         )
 
     @property

@@ -16,7 +16,7 @@ from scenarios import LONG_HOLD, write
 from pzt_ros.bags.reader import open_bag
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_signal_to_pzt_run_alone_brings_the_stage_to_rest(number: signal.Signals, tmp_path: Path) -> None:
     scenario, run = write(tmp_path, LONG_HOLD), tmp_path / "run"
     pzt = Path(sys.executable).with_name("pzt")
