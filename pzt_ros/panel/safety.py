@@ -71,7 +71,7 @@ def in_the_way(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, float
 
     `ages` are the times since each node said how it is [s].
     """
-    silent = next((node for node in health if ages[node] > SILENT_AFTER), None)
+    silent = next((node for node in _members(health) if node in health and ages[node] > SILENT_AFTER), None)
     if silent is not None:
         return f"{silent} has been silent for {ages[silent]:.0f} s; start it again first"
     if why := waits_for(health):
@@ -81,12 +81,18 @@ def in_the_way(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, float
 
 def waits_for(health: Mapping[str, Mapping[str, Any]]) -> str:
     """What a graph that starts still lacks: enabled now, its beat would not begin. Nothing if it has all."""
-    expected = health.get("amplifier", {}).get("values", {}).get("nodes", "")  # nobody says it in a bag of old
-    if unheard := [node for node in expected.split(",") if node and node not in health]:
+    members = _members(health)
+    if unheard := [node for node in members if node not in health]:
         return f"not heard yet: {', '.join(unheard)}"
-    for node, said in health.items():
-        if said["values"].get("ready", "True") != "True":
-            return f"{node} is not ready: {said['text']}"
+    for node in members:
+        if health[node]["values"].get("ready", "True") != "True":
+            return f"{node} is not ready: {health[node]['text']}"
     if health.get("experiment", {}).get("values", {}).get("phase") == "starting":
         return "the experiment node still looks for the others"
     return ""
+
+
+def _members(health: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The nodes of the graph, as the amplifier has them, which no panel is; in an old bag all that speak."""
+    named = health.get("amplifier", {}).get("values", {}).get("nodes", "")
+    return named.split(",") if named else list(health)

@@ -176,6 +176,7 @@ YOUNG = dict.fromkeys((*GRAPH, "experiment"), 0.5)
         (GRAPH, YOUNG, "DISABLED", ""),
         (GRAPH, {**YOUNG, "controller": 9.0}, "DISABLED", "controller has been silent for 9 s"),
         ({"amplifier": GRAPH["amplifier"]}, YOUNG, "STARTING", "not heard yet: controller"),
+        ({**GRAPH, "panel": READY}, {**YOUNG, "panel": 60.0}, "DISABLED", ""),  # another panel was closed
         (
             {**GRAPH, "controller": {"text": "waiting: no publisher on applied", "values": {"ready": "False"}}},
             YOUNG,
