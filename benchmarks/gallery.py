@@ -10,6 +10,7 @@ import argparse
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -64,16 +65,19 @@ def _run(commands: str, folder: Path) -> str:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     plain = {"COLUMNS": "110", "NO_COLOR": "1", "MPLBACKEND": "Agg"}
     environment = {**os.environ, **plain, "PATH": path, "DOCS": str(PAGES.parent)}
+    shell = subprocess.Popen(
+        ["bash", "-e", "-o", "pipefail", "-c", commands], start_new_session=True,
+        cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
     try:
-        ended = subprocess.run(
-            ["bash", "-e", "-o", "pipefail", "-c", commands],
-            cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=PATIENCE,
-        )  # fmt: skip
+        said, _ = shell.communicate(timeout=PATIENCE)
     except subprocess.TimeoutExpired:
+        os.killpg(shell.pid, signal.SIGKILL)  # with what it left in the background: a graph ends when its asker does
+        shell.wait()
         raise BenchError(f"not done after {PATIENCE:.0f} s: {commands}") from None
-    said = _CONTROL.sub("", ended.stdout)
-    if ended.returncode:
-        raise BenchError(f"exit code {ended.returncode} of: {commands}{said}")
+    said = _CONTROL.sub("", said)
+    if shell.returncode:
+        raise BenchError(f"exit code {shell.returncode} of: {commands}{said}")
     return "".join(line.rstrip() + "\n" for line in said.splitlines() if line.strip())
 
 
@@ -83,7 +87,6 @@ def build(names: Sequence[str], out: Path, tell: Callable[[str], None]) -> None:
     Raises:
         BenchError: there is no such page, or it cannot be performed.
     """
-    command = "make gallery"
     (out / "images").mkdir(parents=True, exist_ok=True)
     for name in names:
         source = PAGES / f"{name}.md"
@@ -99,7 +102,7 @@ def build(names: Sequence[str], out: Path, tell: Callable[[str], None]) -> None:
                 shutil.copyfile(Path(scratch) / picture, out / "images" / picture)
         seconds = time.monotonic() - began
         tell(f"{name}: {seconds:.0f} s")
-        made = f"{_MADE}\n{provenance(command).line()} The commands of this page took {seconds:.0f} s.\n"
+        made = f"{_MADE}\n{provenance('make gallery').line()} The commands of this page took {seconds:.0f} s.\n"
         (out / source.name).write_text(text + made, encoding="utf-8")
     (out / _INDEX).write_text(index(out), encoding="utf-8")
 
@@ -113,9 +116,10 @@ def index(out: Path) -> str:
     """Every page's title, first paragraph and first picture."""
     entries = []
     for path in sorted(path for path in out.glob("*.md") if path.name != _INDEX):
-        title, first, *_ = path.read_text(encoding="utf-8").removeprefix("# ").split("\n\n")
-        picture = next(iter(re.findall(r"!\[[^\]]*\]\(images/[^)]+\)", path.read_text(encoding="utf-8"))), "")
-        entries.append(f"## [{title}]({path.name})\n\n{first}\n\n{picture}\n")
+        page = path.read_text(encoding="utf-8")
+        title, first, *_ = page.removeprefix("# ").split("\n\n")
+        picture = _PICTURE.search(page)
+        entries.append(f"## [{title}]({path.name})\n\n{first}\n\n{picture[0] if picture else ''}\n")
     head = "# Gallery\n\nEach page is a thing to do, from nothing to a picture, in commands that the tests run.\n"
     return "\n".join([head, *entries])
 

@@ -28,7 +28,7 @@ class Outcome:
 
 
 class Interrupts:
-    """Ctrl-C and SIGTERM, while `with` lasts: remembered, and no more; so is that who asked for the run is gone."""
+    """Ctrl-C and SIGTERM, while `with` lasts: remembered, and no more; a run that nobody is left to stop ends, too."""
 
     def __init__(self) -> None:
         self._asked = False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from rclpy.parameter import Parameter
 
 from pzt_nodes.graph_node import GraphNode
@@ -13,7 +12,6 @@ from pzt_nodes.parameters import changed, declare_all, declare_text, on_change
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
 from pzt_ros.observers.table import OBSERVERS, find_observer
-from pzt_ros.physics.signals import REHEARSAL
 
 
 class ObserverNode(GraphNode):
@@ -25,8 +23,7 @@ class ObserverNode(GraphNode):
         kind = declare_text(self, "observer", "disturbance", f"one of {', '.join(OBSERVERS)}")
         self.observer = declare_all(self, kind, find_observer(kind)())
         self._state = self.observer.init(self.model, self.rest)
-        zeros = np.zeros_like(REHEARSAL)
-        self.observer.update(self.model, self._state, REHEARSAL, zeros, zeros)  # compiles what the first block needs
+        self.observer.warm_up(self.model, self._state)
         self._join = Join(("predicted", "measurement"), self._on_tick)
         self.listen("applied", self._on_applied)
         self.listen("measurement", lambda block: self._join.add(self.tick_of(block), "measurement", block))

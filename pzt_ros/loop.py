@@ -21,7 +21,7 @@ from pzt_ros.hardware.guard import GuardedAmplifier
 from pzt_ros.hardware.stage import SimulatedSensor, SimulatedStage, Truth
 from pzt_ros.manual import conductor
 from pzt_ros.observers.observer import Estimate
-from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
+from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.reference import VOLTAGE, Reference
 from pzt_ros.scenario import Scenario
 
@@ -65,8 +65,7 @@ class InProcessLoop:
         """Compile now what the first block would have to wait for; no state is changed."""
         for part in (self.amplifier, self.stage, self.sensor, self.control):
             part.warm_up()
-        zeros = np.zeros_like(REHEARSAL)
-        self.observer.update(self.model, self._observer_state, REHEARSAL, zeros, zeros)
+        self.observer.warm_up(self.model, self._observer_state)
 
     def start(self) -> Tick:
         """The first block: the voltage found at the stack, held."""

@@ -73,9 +73,9 @@ def run(
     from pzt_ros.loop import refuse_what_cannot_be
     from pzt_ros.scenario import load_scenario
 
-    for one in [axis.scenario for axis in axes_of(scenario)] or [scenario]:
-        compile_once(load_scenario(one), lambda text: typer.echo(text, err=True))
-        refuse_what_cannot_be(load_scenario(one))
+    for one in map(load_scenario, [axis.scenario for axis in axes_of(scenario)] or [scenario]):
+        compile_once(one, lambda text: typer.echo(text, err=True))
+        refuse_what_cannot_be(one)
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace, "--drivers": drivers}
     flags = {"--composed": composed, "--real-time": real_time}
     run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)

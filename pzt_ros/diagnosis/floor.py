@@ -55,7 +55,7 @@ def displacement_floors(records: Sequence[Record]) -> list[float]:
     """
     singles = [_of_neighbours(record) for record in records]
     stretches = quiet_stretches(records)
-    rates = [rate_of(record) for record in records]
+    rates = [sampling_class(record) for record in records]
     colours = {}
     for rate in set(rates):
         runs = zip(stretches, singles, rates, strict=True)
@@ -63,7 +63,7 @@ def displacement_floors(records: Sequence[Record]) -> list[float]:
     return [single * colours[rate] for single, rate in zip(singles, rates, strict=True)]
 
 
-def rate_of(record: Record) -> int:
+def sampling_class(record: Record) -> int:
     """The same for records that are sampled alike, within a fifth."""
     return round(2.0 * math.log2(float(np.median(np.diff(record.time)))))
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import signal as scipy_signal
 
 from pzt_ros.diagnosis.data import RunData
-from pzt_ros.diagnosis.floor import quiet_stretches, rate_of
+from pzt_ros.diagnosis.floor import quiet_stretches, sampling_class
 from pzt_ros.diagnosis.lines import FEWEST, strongest
 from pzt_ros.diagnosis.views import centred
 from pzt_ros.physics.signals import Array
@@ -85,7 +85,7 @@ def _colours(runs: Sequence[RunData]) -> list[float]:
     Single holds tell it badly, so those of all runs at one rate are asked together. Where runs at a rate have none, the
     same sensor's noise is taken to be as slow as it is at the others.
     """
-    rates, shown = [rate_of(run.record) for run in runs], {}
+    rates, shown = [sampling_class(run.record) for run in runs], {}
     stretches = quiet_stretches([run.record for run in runs])
     for rate in set(rates):
         alike = [(run, held) for run, held, own in zip(runs, stretches, rates, strict=True) if own == rate]

@@ -6,8 +6,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+import numpy as np
+
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
+from pzt_ros.physics.signals import ABSENT, REHEARSAL, Array, Rest, Signals
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,11 @@ class Observer(ABC):
     @abstractmethod
     def correct(self, state: Any, predicted: Signals, measurement: Array) -> tuple[Any, Estimate]:
         """Pull a predicted block towards its measurement [m]."""
+
+    def warm_up(self, model: Chain, state: Any) -> None:
+        """Compile now what the first block would have to wait for; no state is changed."""
+        zeros = np.zeros_like(REHEARSAL)
+        self.update(model, state, REHEARSAL, zeros, zeros)
 
     def health(self, state: Any) -> dict[str, float]:
         """What an operator may want to know, by name; nothing by default."""

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
-import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from graph_process import GraphProcess, wait_until
+from graph_process import GraphProcess, said_beside, wait_until
 
 from pzt_ros.bags.reader import open_bag
 
@@ -29,15 +26,7 @@ def test_cyclone_enables_moves_and_reads_the_stage(tmp_path: Path) -> None:
         wait_until(lambda: log.exists() and "waiting for an operator" in log.read_text(encoding="utf-8"), "a graph")
         peer = Path(__file__).with_name("cyclone_peer.py")
         ros_left_out = {k: v for k, v in os.environ.items() if not k.startswith(("ROS_", "RMW_", "FASTRTPS_"))}
-        done = subprocess.run(
-            [sys.executable, str(peer), str(graph.domain), str(POSITION)],
-            env=ros_left_out, capture_output=True, text=True, timeout=200.0, check=False,
-        )  # fmt: skip
-        graph.interrupt()
-        code, said = graph.wait()
-    assert done.returncode == 0, done.stderr
-    assert code == 0, said
-    heard = json.loads(done.stdout)
+        heard = said_beside(graph, [str(peer), str(graph.domain), str(POSITION)], ros_left_out)
     assert heard["name"] == ["stage"]
     assert heard["count"] > 20
     assert min(b - a for a, b in itertools.pairwise(heard["stamps"])) >= 0.01 - 1e-6, "at most 100 Hz"

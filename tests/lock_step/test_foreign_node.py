@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import ast
-import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
-from graph_process import GraphProcess
+from graph_process import GraphProcess, said_beside
 
 from pzt_ros.bags.reader import open_bag
 
@@ -31,16 +29,8 @@ def test_it_imports_nothing_of_ours() -> None:
 
 def test_it_drives_the_stage_reads_the_estimate_and_records_a_bag(tmp_path: Path) -> None:
     with GraphProcess("manual", tmp_path / "run") as graph:
-        done = subprocess.run(
-            [sys.executable, str(PROGRAM), "--position", str(POSITION)],
-            env={**os.environ, "ROS_DOMAIN_ID": str(graph.domain)},
-            capture_output=True, text=True, timeout=200.0, check=False,
-        )  # fmt: skip
-        graph.interrupt()
-        code, said = graph.wait()
-    assert done.returncode == 0, done.stderr
-    assert code == 0, said
-    found = json.loads(done.stdout)
+        there = {**os.environ, "ROS_DOMAIN_ID": str(graph.domain)}
+        found = said_beside(graph, [str(PROGRAM), "--position", str(POSITION)], there)
     bag = open_bag(tmp_path / "run" / "bag")
     assert bag.complete
     estimate, truth = bag.blocks("/stage/estimate"), bag.blocks("/stage/truth")

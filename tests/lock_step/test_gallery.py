@@ -6,7 +6,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
+from graph_process import alive, wait_until
 from matplotlib.image import imread
 
 from pzt_benchmarks import gallery
@@ -58,3 +60,11 @@ def test_a_page_that_cannot_be_done_says_what_failed(tmp_path: Path) -> None:
 def test_blocks_become_files_and_outputs_the_page(tmp_path: Path) -> None:
     page = "```python said.py\nprint(6 * 7)\n```\n\n```sh\npython said.py\n```\n\n```text\nold\n```\n"
     assert gallery.perform(page, tmp_path) == page.replace("old", "42")
+
+
+def test_what_takes_too_long_is_ended_with_all_that_it_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gallery, "PATIENCE", 1.0)
+    with pytest.raises(BenchError, match="not done after 1 s"):
+        gallery.perform("```sh\nsleep 600 & echo $! > child\nwait\n```\n", tmp_path)
+    child = int((tmp_path / "child").read_text(encoding="utf-8"))
+    wait_until(lambda: not alive([psutil.Process(child)] if psutil.pid_exists(child) else []), "the end of the child")
