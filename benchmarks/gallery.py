@@ -65,16 +65,17 @@ def _run(commands: str, folder: Path) -> str:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     plain = {"COLUMNS": "110", "NO_COLOR": "1", "MPLBACKEND": "Agg"}
     environment = {**os.environ, **plain, "PATH": path, "DOCS": str(PAGES.parent)}
-    shell = subprocess.Popen(
+    with subprocess.Popen(
         ["bash", "-e", "-o", "pipefail", "-c", commands], start_new_session=True,
         cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
-    try:
-        said, _ = shell.communicate(timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        os.killpg(shell.pid, signal.SIGKILL)  # with what it left in the background: a graph ends when its asker does
-        shell.wait()
-        raise BenchError(f"not done after {PATIENCE:.0f} s: {commands}") from None
+    ) as shell:  # fmt: skip
+        try:
+            said, _ = shell.communicate(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            os.killpg(
+                shell.pid, signal.SIGKILL
+            )  # with what it left in the background: a graph ends when its asker does
+            raise BenchError(f"not done after {PATIENCE:.0f} s: {commands}") from None
     said = _CONTROL.sub("", said)
     if shell.returncode:
         raise BenchError(f"exit code {shell.returncode} of: {commands}{said}")
