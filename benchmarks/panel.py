@@ -1,7 +1,8 @@
 """The live panel beside a graph: frames a second, what page and node cost, and what the graph's ticks notice of them.
 
-One graph follows a scan in real time; windows without a panel and with one, its page open in a browser, take turns in
-the same run. The ticks are timed by the bag: from the plant's truth to the amplifier's answer to it.
+One graph follows a scan in real time; windows without a panel, with one whose page does not draw, and with one that
+does, take turns in the same run: what a browser without a graphics card takes for drawing is not the panel's. The ticks
+are timed by the bag: from the plant's truth to the amplifier's answer to it.
 """
 
 from __future__ import annotations
@@ -38,6 +39,11 @@ FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--
 
 SETTLE, START_TIMEOUT = 5.0, 60.0
 """Nothing is measured for so long after a panel came or went; what is not there by then never will be [s]."""
+
+WITHOUT, UNDRAWN, DRAWN = "no panel", "panel, page does not draw", "panel, page draws"
+"""Kinds of windows."""
+
+NO_DRAWING = "window.requestAnimationFrame = () => 0"
 
 SCENARIO = """
 scenario: manual, for the panel's benchmark
@@ -82,15 +88,17 @@ def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
         folder = Path(name)
         with _graph(folder) as domain:
             asyncio.run(_begin_scan(domain, folder))
-            windows: dict[str, list[Window]] = {"without": [], "with": []}
+            windows: dict[str, list[Window]] = {WITHOUT: [], UNDRAWN: [], DRAWN: []}
             for turn in range(turns):
                 for kind in windows:
-                    tell(f"{kind} the panel, {turn + 1} of {turns}")
-                    with _page(domain, folder) if kind == "with" else nullcontext() as page:
+                    tell(f"{kind}, {turn + 1} of {turns}")
+                    with _page(domain, folder) if kind != WITHOUT else nullcontext() as page:
+                        if page and kind == UNDRAWN:
+                            page.page.evaluate(NO_DRAWING)
                         time.sleep(SETTLE)
                         windows[kind].append(_watch(page, length))
         ticks = _ticks(folder / "run" / "bag")
-    return [_cost(windows["with"]), _effect(windows, *ticks)]
+    return [_cost(windows), _effect(windows, *ticks)]
 
 
 # -- the graph
@@ -254,14 +262,15 @@ def _ticks(bag: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return asked, 1e-6 * (answered[following] - asked)
 
 
-def _cost(windows: list[Window]) -> Table:
-    heads = ("window", "frames/s to the page", "drawn/s", "page", "node", "page and node", "the browser itself")
+def _cost(windows: dict[str, list[Window]]) -> Table:
+    heads = ("windows", "frames/s to the page", "drawn/s", "page", "node", "page and node", "the browser itself")
     rows = [
         (
-            str(number), f"{w.pushed:.1f}", f"{w.drawn:.1f}", _percent(w.page), _percent(w.node),
+            kind, f"{w.pushed:.1f}", f"{w.drawn:.1f}", _percent(w.page), _percent(w.node),
             _percent(w.page + w.node), _percent(w.browser),
         )
-        for number, w in enumerate(windows, start=1)
+        for kind in (UNDRAWN, DRAWN)
+        for w in windows[kind]
     ]  # fmt: skip
     note = "Shares of one core. The browser is headless and draws in software; with a graphics card it costs less."
     return Table("The live panel", heads, rows, note)
@@ -275,7 +284,7 @@ def _effect(windows: dict[str, list[Window]], when: NDArray[np.int64], took: NDA
         every = np.concatenate(parts)
         middle, late = np.percentile(every, (50.0, 99.0))
         medians = ", ".join(f"{np.median(part):.2f}" for part in parts)
-        rows.append((f"{kind} the panel", str(len(every)), f"{middle:.2f}", f"{late:.2f}", medians))
+        rows.append((kind, str(len(every)), f"{middle:.2f}", f"{late:.2f}", medians))
     note = (
         "The graph's answer to a block in real time: from truth to the next block applied, as the recorder heard them. "
         "Windows take turns in one run; how far the medians of one kind lie apart is what cannot be told."

@@ -58,7 +58,8 @@ export default {
     },
     recolour() {
       const style = getComputedStyle(document.body);
-      this.ink = (name) => style.getPropertyValue("--" + name).trim();
+      const known = {}; // to ask the style anew for every line costs a layout of the page
+      this.ink = (name) => (known[name] ??= style.getPropertyValue("--" + name).trim());
       this.later();
     },
     later() {
@@ -66,17 +67,18 @@ export default {
       this.waiting = true;
       requestAnimationFrame(() => {
         this.waiting = false;
-        this.plots.forEach((plot, index) => this.draw(plot, this.figures[index]));
+        // all sizes first: one that is read after a text has changed costs a layout of the page
+        const canvases = this.figures.map((figure) => figure.querySelector("canvas"));
+        const sizes = canvases.map((canvas) => [canvas.clientWidth, canvas.clientHeight]);
+        this.plots.forEach((plot, k) => this.draw(plot, this.figures[k], canvases[k], sizes[k]));
         this.drawn += 1;
       });
     },
     column(name) {
       return this.columns.indexOf(name);
     },
-    draw(plot, figure) {
-      const canvas = figure.querySelector("canvas");
+    draw(plot, figure, canvas, [width, height]) {
       const ratio = globalThis.devicePixelRatio || 1;
-      const [width, height] = [canvas.clientWidth, canvas.clientHeight];
       if (!width || !height) return;
       if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
         canvas.width = Math.round(width * ratio);
@@ -193,19 +195,10 @@ export default {
     line(pen, points, trace, at) {
       pen.strokeStyle = this.ink(trace.colour);
       pen.lineWidth = trace.dashed ? 1.6 : 1.8;
-      pen.lineJoin = "round";
+      pen.lineJoin = "bevel"; // at this density a round one looks the same and costs more
       pen.setLineDash(trace.dashed ? [6, 4] : []);
       pen.beginPath();
-      let down = false;
-      for (const p of points) {
-        if (p === null) down = false;
-        else {
-          const [x, y] = at(p[0], p[1]);
-          if (down) pen.lineTo(x, y);
-          else pen.moveTo(x, y);
-          down = true;
-        }
-      }
+      for (const part of parts(points)) stroke_along(pen, thinned(part, at));
       pen.stroke();
       pen.setLineDash([]);
     },
@@ -246,8 +239,49 @@ export default {
 
 function stroke(pen, points) {
   pen.beginPath();
-  points.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+  stroke_along(pen, points);
   pen.stroke();
+}
+
+function stroke_along(pen, points) {
+  points.forEach(([x, y], k) => (k ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+}
+
+function parts(points) {
+  // what lies between gaps
+  const found = [[]];
+  for (const p of points) {
+    if (p !== null) found[found.length - 1].push(p);
+    else if (found[found.length - 1].length) found.push([]);
+  }
+  return found;
+}
+
+function thinned(points, at) {
+  // of those that follow one another in one column of pixels the lowest and the highest: a line through all looks the same
+  const found = [];
+  let column = null;
+  let low = null;
+  let high = null;
+  const close = () => {
+    if (low === null) return;
+    if (low[2] === high[2]) found.push(low);
+    else found.push(...(low[2] < high[2] ? [low, high] : [high, low]));
+  };
+  points.forEach((p, k) => {
+    const [x, y] = at(p[0], p[1]);
+    const here = [x, y, k];
+    if (Math.floor(x) !== column) {
+      close();
+      column = Math.floor(x);
+      [low, high] = [here, here];
+    } else {
+      if (y < low[1]) low = here;
+      if (y > high[1]) high = here;
+    }
+  });
+  close();
+  return found;
 }
 
 function ticks([low, high], count) {
