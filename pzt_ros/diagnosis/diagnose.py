@@ -102,17 +102,23 @@ def diagnose(
 
 
 def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
-    """Searches on the declared base and, where that leaves something, on the flexible one."""
+    """Searches on the declared base and, where that leaves something, on the flexible one.
+
+    Where that one leaves far less without an effect than the declared one with its best, the declared density is wrong:
+    more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
+    """
     search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
-    steps = search.run(declared)
+    steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
     branch = Branch("gaussian", declared, tuple(steps))
     if search.explains(steps, declared):
         return [branch]
     other = _on_flexible(declared, asked, progress, workers)
-    if not other.steps or search.explains(other.steps, other.base):
+    if search.explains(other.steps, other.base) or search.is_outdone(steps, other.base):
         return [branch, other]
-    # two at once takes longest, and where the declared density is wrong it is in vain: so last
-    return [dataclasses.replace(branch, steps=tuple(search.with_pair(steps, declared))), other]
+    steps = search.continued([step for step in steps if step.accepted] or steps, declared)
+    if other.steps:
+        steps = search.with_pair(steps, declared)  # two at once takes longest: so last
+    return [dataclasses.replace(branch, steps=tuple(steps)), other]
 
 
 def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
@@ -166,7 +172,8 @@ def _report(
     base = _last_fit(chosen.base, chosen)
     final = base if chosen.final is chosen.base else _last_fit(chosen.final, chosen)
     baseline, model = model_of(base, "baseline", command), model_of(final, "model", command)
-    before, after = errors_of(baseline, runs), errors_of(model, runs)
+    before = errors_of(baseline, runs)
+    after = before if final is base else errors_of(model, runs)
     tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
     remains = remains_of(runs, after.residuals, floor, _SLOW_FLOOR)

@@ -76,16 +76,20 @@ class Screen:
         staged = hypothesis.staged
         self._fitted = staged.fitted
         self._choosing = hypothesis.choosing
-        self._residual = np.concatenate(hypothesis.solution.residuals)
+        residual = np.concatenate(hypothesis.solution.residuals)
         self._left = np.concatenate(hypothesis.selection_residuals) if self._choosing else np.zeros(0)
-        self._jacobian = np.vstack(hypothesis.jacobians)
+        jacobian = np.vstack(hypothesis.jacobians)
         self._ahead = self._selection_jacobian()
         self._rows, _ = staged.prior
-        self._length = np.linalg.norm(self._jacobian, axis=0) + 1e-300
-        whole = np.vstack((self._jacobian / self._length, self._rows / self._length))
+        self._length = np.linalg.norm(jacobian, axis=0) + 1e-300
+        whole = np.vstack((jacobian / self._length, self._rows / self._length))
         u, s, vt = np.linalg.svd(whole, full_matrices=False)
         sound = s > 1e-7 * s[0]
         self._q, self._back = u[:, sound], (vt[sound].T / s[sound])
+        self._fitted_samples = residual.size
+        padded = np.concatenate((residual, np.zeros(len(self._rows))))
+        self._absorbed = self._q.T @ padded
+        self._rest = padded - self._q @ self._absorbed
         self.outputs = staged.outputs(hypothesis.vector, range(len(staged.runs)))
 
     def _selection_jacobian(self) -> Array:
@@ -203,13 +207,12 @@ class Screen:
     def _explained(self, signatures: Array, ahead: Array, per_run: bool, limits: Array) -> tuple[Array, Array, float]:
         """Amounts of the signatures within limits, how the base moves with them, and the mean square that is left."""
         padded = np.vstack((signatures, np.zeros((len(self._rows), signatures.shape[1]))))
-        residual = np.concatenate((self._residual, np.zeros(len(self._rows))))
-        clear = padded - self._q @ (self._q.T @ padded)
-        rest = residual - self._q @ (self._q.T @ residual)
-        amounts = np.clip(np.linalg.lstsq(clear, -rest, rcond=1e-10)[0], *limits)
-        moved = -(self._back @ (self._q.T @ (residual + padded @ amounts)))
+        absorbed = self._q.T @ padded
+        clear = padded - self._q @ absorbed
+        amounts = np.clip(np.linalg.lstsq(clear, -self._rest, rcond=1e-10)[0], *limits)
+        moved = -(self._back @ (self._absorbed + absorbed @ amounts))
         shift: Array = (moved / self._length).astype(np.float64)
-        left = self._residual + self._jacobian @ shift + signatures @ amounts
+        left = (self._rest + clear @ amounts)[: self._fitted_samples]  # base and amounts moved
         total = float(left @ left) / left.size
         if self._left.size:  # a base that has far to go goes there as no line says, so this can promise but not refuse
             before = float(self._left @ self._left) / self._left.size

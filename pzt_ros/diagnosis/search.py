@@ -135,10 +135,14 @@ class Search:
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
-        steps = [self.step(base)]
-        while self._goes_on(steps, base):
-            steps.append(self.step(steps[-1].after))
-        return steps
+        return self.continued([self.step(base)], base)
+
+    def continued(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
+        """The run that began with these steps."""
+        found = [*steps]
+        while self._goes_on(found, base):
+            found.append(self.step(found[-1].after))
+        return found
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""
@@ -194,6 +198,10 @@ class Search:
         share = share_of(base, final) if final is not base else 0.0
         near = max(final.ratios) < self.thresholds.near_floor
         return self.at_floor(final) or (share > self.thresholds.whole and near)
+
+    def is_outdone(self, steps: Sequence[Step], other: Hypothesis) -> bool:
+        """Whether another base without an effect leaves far less beyond the noise than the search so far."""
+        return _excess(other) < self.thresholds.outdone * _excess(steps[-1].after)
 
     def at_floor(self, hypothesis: Hypothesis) -> bool:
         """Whether nothing is left in any run that would have to be explained."""
@@ -254,8 +262,9 @@ class Search:
         return [replace(candidate, after=better.get(candidate.name, candidate.after)) for candidate in found]
 
     def _is_worth_finishing(self, candidate: Candidate) -> bool:
-        left = candidate.after.fit.ratio
-        return left <= max(self.thresholds.finishable, self.thresholds.much_less * candidate.before.fit.ratio)
+        asked, left = self.thresholds, candidate.after.fit.ratio
+        near = left <= max(asked.finishable, asked.much_less * candidate.before.fit.ratio)
+        return near and candidate.share >= asked.finish_share
 
     def _is_significant(self, candidate: Candidate) -> bool:
         asked = self.thresholds

@@ -27,7 +27,10 @@ class Thresholds:
         hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
         finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it,
         much_less: unless no more than this share of the misfit's rms is left: then the refit has not ended.
+        finish_share: share of the excess that it has to explain before.
         reachable: the same up to which further effects are looked for beside one that was found.
+        trial_promise: as `further_promise` until another base was tried.
+        outdone: share of the excess that another base may leave at most for the search on this one to end.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
@@ -36,6 +39,7 @@ class Thresholds:
         most_effects: that are added at most.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
         flexible_hopeless: as `hopeless`: that base is all but linear, so a screen is to be believed.
+        flexible_finish: as `finish_share`: a refit is all but done after its first steps there.
         flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
@@ -56,7 +60,10 @@ class Thresholds:
     hopeless: float = math.inf
     finishable: float = 8.0
     much_less: float = 0.35
+    finish_share: float = -math.inf
     reachable: float = 12.0
+    trial_promise: float = 0.5
+    outdone: float = 0.25
     tie: float = 0.93
     alike_tie: float = 0.75
     decisive: float = 25.0
@@ -66,7 +73,18 @@ class Thresholds:
     flexible_size: float = 0.4
     flexible_remains: float = 1.10
     flexible_hopeless: float = 8.0
+    flexible_finish: float = 0.25
+
+    def on_trial(self) -> Thresholds:
+        """What is asked on the declared base before the flexible one was tried."""
+        return replace(self, further_promise=self.trial_promise)
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""
-        return replace(self, share=self.flexible_share, size=self.flexible_size, hopeless=self.flexible_hopeless)
+        return replace(
+            self,
+            share=self.flexible_share,
+            size=self.flexible_size,
+            hopeless=self.flexible_hopeless,
+            finish_share=self.flexible_finish,
+        )
