@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.base import default_chain, fit_declared, without_historie
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.designs import Alike, alike_by_design
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.floor import with_floors
@@ -181,7 +182,8 @@ def _report(
     if sparse:
         remains = dataclasses.replace(remains, present=False)
     effects = _found(chosen, runs, (before, after), model, command)
-    why, design = _next_experiment(effects, tied, remains, sparse)
+    blind = alike_by_design([run.record for run in runs])
+    why, design = _next_experiment(effects, tied, remains, sparse, blind)
     drive = designed(design, _bench(chosen, runs), why) if design else None
     return Report(
         train=tuple(runs[:trained]),
@@ -198,7 +200,7 @@ def _report(
         remains=remains,
         next_experiment=f"{why} {drive.sentence}" if drive else why,
         next_drive=drive,
-        remarks=(*((_SPARSE,) if sparse else ()), *_lost(runs)),
+        remarks=(*((_SPARSE,) if sparse else ()), *(each.remark for each in blind), *_lost(runs)),
         verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
         baselines=baselines(runs),
         command=command,
@@ -320,11 +322,17 @@ def _test_rms(hypothesis: Hypothesis) -> float:
 
 
 def _next_experiment(
-    effects: Sequence[FoundEffect], tied: Sequence[Sequence[str]], remains: Remains, sparse: bool
+    effects: Sequence[FoundEffect],
+    tied: Sequence[Sequence[str]],
+    remains: Remains,
+    sparse: bool,
+    blind: Sequence[Alike],
 ) -> tuple[str, Design | None]:
     """What to do next in words, and the design of its drive where one is needed."""
     if tied:
         return design_between(tied[0])
+    if blind and not effects:
+        return design_between(sorted(blind[0].effects))
     if sparse:
         return _MORE_AMPLITUDES, for_amplitudes
     if remains.present:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
+from pzt_ros.diagnosis.designs import alike_by_design
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
@@ -277,6 +278,9 @@ class Search:
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
         alike = [other.name for other in others if other.cause != winner.cause and self._is_as_good(winner, other)]
+        known = {winner.cause, *(EFFECT_OF[name].reported for name in alike)}
+        groups = [each.effects for each in alike_by_design([run.record for run in winner.before.staged.runs])]
+        alike += sorted({name for group in groups if winner.cause in group for name in group} - known)
         return (winner.name, *alike) if alike else ()
 
     def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:

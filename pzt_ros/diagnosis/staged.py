@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.sysid.run import Start
 
 _STEP = 1e-4  # of a coordinate
-_NEAR = 0.01  # of a coordinate and of the span of P: so far off, columns that were carried still serve a search
 _ALONG = 1e-5  # of the largest polarization: how far a difference goes along a tangent of the ceramic
 
 
@@ -73,29 +72,6 @@ class Hysteresis(Protocol):
         ...
 
 
-class _Carried(NamedTuple):
-    """The ceramic's part of a Jacobian, and where that was found.
-
-    Attributes:
-        others: the unknowns of the other links [shape (q,)].
-        polarization: [C/m^2, shape (n,)].
-        along: the ceramic's tangent, which is another object once it was taken anew [shape (n, p)].
-        columns: of the Jacobian [shape (m, p)].
-    """
-
-    others: Array
-    polarization: Array
-    along: Array
-    columns: Array
-
-    def serves(self, others: Array, polarization: Array, along: Array) -> bool:
-        """Whether it is near enough there."""
-        if along is not self.along or np.max(np.abs(others - self.others), initial=0.0) > _NEAR:
-            return False
-        moved = float(np.max(np.abs(polarization - self.polarization)))
-        return moved <= _NEAR * float(np.ptp(polarization))
-
-
 @dataclasses.dataclass(frozen=True)
 class Staged:
     """A chain over runs: residuals in units of the noise, and their Jacobian.
@@ -107,14 +83,12 @@ class Staged:
         ceramic: what stands there.
         runs: all of them, those that are fitted first.
         coordinates: of the other links.
-        carried: of fitted runs, by number; kept in `for_one_search` only.
     """
 
     chain: Chain
     ceramic: Hysteresis
     runs: Sequence[RunData]
     coordinates: tuple[Coordinate, ...]
-    carried: dict[int, _Carried] | None = dataclasses.field(default=None, repr=False, compare=False)
 
     @property
     def start(self) -> Array:
@@ -158,14 +132,8 @@ class Staged:
             here = _seen(behind, signals, p)
             residual = run.misfit(part, *here)
             jacobian = np.zeros((residual.size, vector.size), order="F")  # it is filled by columns
-            known = self.carried.get(number) if self.carried is not None and part == FIT else None
-            if known is not None and known.serves(vector[self._own :], p, columns):
-                jacobian[:, : self._own] = known.columns
-            else:
-                for k in range(self._own):
-                    jacobian[:, k] = run.change(part, *_carried(behind, signals, p, columns[:, k], here))
-                if self.carried is not None and part == FIT:
-                    self.carried[number] = _Carried(vector[self._own :], p, columns, jacobian[:, : self._own])
+            for k in range(self._own):
+                jacobian[:, k] = run.change(part, *_carried(behind, signals, p, columns[:, k], here))
             for k in range(len(self.coordinates)):
                 jacobian[:, self._own + k] = run.change(part, *self._difference(vector, number, k, signals, p, here))
             residuals.append(residual)
@@ -184,8 +152,8 @@ class Staged:
         return dataclasses.replace(self, ceramic=self.ceramic.exact_at(vector[: self._own], self.voltages(vector)))
 
     def for_one_search(self) -> Staged:
-        """The same for one search alone, which steps as well with columns from nearby."""
-        return dataclasses.replace(self, ceramic=self.ceramic.for_one_search(), carried={})
+        """The same for one search alone."""
+        return dataclasses.replace(self, ceramic=self.ceramic.for_one_search())
 
     def voltages(self, vector: Array) -> list[Array]:
         """Across the ceramic, of every run [V]."""

@@ -30,7 +30,6 @@ cliffs in its cost, and a search that comes to the edge of one finds no short st
 _STUCK = 1e-3  # share of the tolerance below which refused steps are no longer shortened
 _ROWS = 8192  # of a Jacobian that become float64 at once
 _ROUNDS = 200
-_PATIENCE = 5  # exchanges that may fail to bring fewer contradictions
 _ROUNDING = 1e-12
 
 
@@ -180,53 +179,21 @@ def _damped_step(gram: Array, gradient: Array, damping: float, low: Array, high:
 def bounded_minimum(gram: Array, gradient: Array, low: Array, high: Array) -> Array:
     """The vector s within low <= s <= high of least s'Gs/2 + g's, G positive definite.
 
-    Block principal pivoting (Judice and Pires 1994): who is held at which bound is guessed, the others are solved for,
-    and all that contradict change sides, mostly some ten times in all. Where their number does not go on falling,
-    projected Newton finishes, which always descends but moves few coordinates at a time.
+    Projected Newton (Bertsekas 1982): coordinates that press against a bound stay, the others take the Newton step as
+    far as the bounds let them; every round descends, and once the right ones are held it is exact.
 
     Args:
         gram, gradient: G [shape (p, p)] and g [shape (p,)].
         low, high: bounds [shape (p,)], infinite where there is none.
     """
-    start = step = np.clip(np.zeros(gradient.size), low, high)
-    slope = gram @ step + gradient
-    side = np.where((step <= low) & (slope >= 0.0), -1, np.where((step >= high) & (slope <= 0.0), 1, 0))
-    movable, size = low < high, _ROUNDING * (1.0 + float(np.max(np.abs(gradient), initial=0.0)))
-    fewest, patience = gradient.size + 1, _PATIENCE
-    while patience:
-        step = np.select([side < 0, side > 0], [low, high], 0.0)
-        free = side == 0
-        if np.any(free):
-            step[free] = _solved(gram[np.ix_(free, free)], -(gradient[free] + gram[np.ix_(free, ~free)] @ step[~free]))
-        slope = gram @ step + gradient
-        below, above = free & (step < low), free & (step > high)
-        released = movable & (side * slope > size)
-        wrong = int(np.count_nonzero(below | above | released))
-        if not wrong:
-            return step
-        fewest, patience = (wrong, _PATIENCE) if wrong < fewest else (fewest, patience - 1)
-        side = np.select([below, above, released], [-1, 1, 0], side)
-    return _projected_newton(gram, gradient, low, high, start)
-
-
-def _solved(gram: Array, right: Array) -> Array:
-    found: Array = _linalg.cho_solve(_linalg.cho_factor(gram, check_finite=False), right, check_finite=False)
-    return found
-
-
-def _projected_newton(gram: Array, gradient: Array, low: Array, high: Array, step: Array) -> Array:
-    """The same by descent from a step (Bertsekas 1982).
-
-    Coordinates that press against a bound stay, the others take the Newton step as far as the bounds let them; once the
-    right ones are held it is exact.
-    """
+    step = np.clip(np.zeros(gradient.size), low, high)
     for _ in range(_ROUNDS):
         slope = gram @ step + gradient
         free = ~(((step <= low) & (slope >= 0.0)) | ((step >= high) & (slope <= 0.0)))
         if not np.any(free):
             break
         way = np.zeros(gradient.size)
-        way[free] = -_solved(gram[np.ix_(free, free)], slope[free])
+        way[free] = -_linalg.cho_solve(_linalg.cho_factor(gram[np.ix_(free, free)]), slope[free])
         moved = _descended(gram, slope, step, way, low, high)
         if np.all(np.abs(moved - step) <= _ROUNDING * (np.abs(moved) + np.abs(step))):
             break

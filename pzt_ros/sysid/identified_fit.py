@@ -20,16 +20,13 @@ from pzt_ros.parallel import one_blas_thread
 from pzt_ros.physics.identified_hats import accumulate, hats_of, node_count
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import Array
-from pzt_ros.sysid.gauss_newton import Solution, cost_at, solve
+from pzt_ros.sysid.gauss_newton import Solution, solve
 from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
 from pzt_ros.sysid.identified_problem import IdentifiedProblem, MeasuredRun, rms_of
 from pzt_ros.sysid.thinning import kept_samples
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
 _FEWEST = 1500  # samples that a thinned run keeps at least, holds too
-_FAR, _MOST_GAIN = 5.0, 0.02
-"""Rms over noise beyond which another density will not do, so that small gains are not worth their steps; the largest
-share of the cost that a step may gain and still be the last."""
 _AS_GOOD = 1.02  # error over the least one that still counts as equal: the stronger prior is taken then
 _FEW_STEPS, _MOST_STEPS, _LAST_STEPS, _GAIN = 6, 30, 8, 1e-3
 _HOPELESS = 1.3  # error over the least one from which on stronger priors are not tried
@@ -195,29 +192,18 @@ class IdentifiedFit:
             begin = problem.start.copy()
             begin[problem.base.occupancies] = occupancy
             begin = problem.with_law_guess(begin)
-            reached.append(self._solved(problem, begin, f"occupancy {occupancy:g} at the start", _FEW_STEPS, _GAIN))
+            reached.append(self._solved(problem, begin, f"occupancy {occupancy:g} at the start", _FEW_STEPS))
         return min(reached, key=lambda solution: solution.cost).vector
 
-    def _solved(
-        self,
-        problem: IdentifiedProblem,
-        begin: Array,
-        what: str,
-        most_steps: int = _MOST_STEPS,
-        tolerance: float | None = None,
-    ) -> Solution:
-        """Where a search leads; with a misfit far beyond the noise where it begins it ends at larger gains."""
+    def _solved(self, problem: IdentifiedProblem, begin: Array, what: str, most_steps: int = _MOST_STEPS) -> Solution:
         count = sum(int(np.count_nonzero(run.counted)) for run in problem.runs)
-        if tolerance is None:
-            ratio = math.sqrt(cost_at(problem, begin, *problem.prior()) / count)
-            tolerance = min(_GAIN * max(1.0, ratio / _FAR) ** 2, _MOST_GAIN)
         return solve(
             problem,
             begin,
             problem.lower,
             problem.upper,
             most_steps=most_steps,
-            tolerance=tolerance,
+            tolerance=_GAIN,
             prior=problem.prior(),
             progress=lambda step, cost: self.progress(what, math.sqrt(cost / count)),
         )

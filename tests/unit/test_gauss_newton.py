@@ -147,22 +147,3 @@ def test_bounded_minimum_same_as_bounded_least_squares(seed: int) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-8)
     assert np.all(found >= low)
     assert np.all(found <= high)
-
-
-@pytest.mark.parametrize("size", [40, 200])
-@pytest.mark.parametrize("seed", range(4))
-def test_bounded_minimum_of_columns_that_are_nearly_alike(seed: int, size: int) -> None:
-    """As of weights that may not be negative: those held press against their bound, the others do not move the cost."""
-    random = np.random.default_rng(seed)
-    columns = np.cumsum(random.normal(size=(size + 20, size)), axis=1)
-    columns /= np.linalg.norm(columns, axis=0)
-    gram, gradient = columns.T @ columns + 1e-7 * np.eye(size), random.normal(size=size)
-    low, high = np.zeros(size), random.uniform(0.01, 0.3, size)
-    found = bounded_minimum(gram, gradient, low, high)
-    slope = gram @ found + gradient
-    at_low, at_high = found <= low, found >= high
-    assert at_low.any()
-    assert at_high.any()
-    assert np.all(slope[at_low] >= -1e-7)
-    assert np.all(slope[at_high] <= 1e-7)
-    np.testing.assert_allclose(slope[~at_low & ~at_high], 0.0, atol=1e-7)

@@ -1,0 +1,94 @@
+"""Experiments that cannot tell some effects apart, however their runs are fitted (diagnosis-methods.md 3.4).
+
+Steady cycles of one frequency and amplitude show a delay as an angle, and every effect that is late makes one. Where
+the drive only ever went one way, what moves on afterwards may belong to the drive or to the clock. A way back tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pzt_ros.physics.signals import Array
+from pzt_ros.records import Record
+
+_LEVEL = 0.03  # of the span: turns at one level
+_BACK = 0.01  # of the span: way back that counts as none
+_TURN = 0.1  # of the span: way back from which on a turn is one
+_EVEN = 0.05  # of a half cycle: scatter of its duration
+_FEWEST_TURNS = 4
+
+
+class Alike(NamedTuple):
+    """Effects that runs of a kind cannot tell from one another.
+
+    Attributes:
+        is_so: whether runs are of that kind.
+        effects: their names.
+        remark: why, in words.
+    """
+
+    is_so: Callable[[Sequence[Record]], bool]
+    effects: frozenset[str]
+    remark: str
+
+
+def alike_by_design(records: Sequence[Record]) -> list[Alike]:
+    """What runs cannot tell apart, whatever is found in them."""
+    return [each for each in _ALIKE if each.is_so(records)]
+
+
+def _one_way(records: Sequence[Record]) -> bool:
+    return all(_way_back(record.voltage) <= _BACK * np.ptp(record.voltage) for record in records)
+
+
+def _way_back(voltage: Array) -> float:
+    """Largest way back of a drive that goes mostly up, or down."""
+    falls = np.max(np.maximum.accumulate(voltage) - voltage)
+    rises = np.max(voltage - np.minimum.accumulate(voltage))
+    return float(min(falls, rises))
+
+
+def _one_cycle(records: Sequence[Record]) -> bool:
+    span = max(float(np.ptp(record.voltage)) for record in records)
+    found = [_turns(record.voltage, _TURN * span) for record in records]
+    if any(places.size < _FEWEST_TURNS for places in found):
+        return False
+    levels = np.concatenate([record.voltage[places] for record, places in zip(records, found, strict=True)])
+    upper = levels > 0.5 * (np.min(levels) + np.max(levels))
+    if max(np.ptp(levels[upper]), np.ptp(levels[~upper])) > _LEVEL * span:
+        return False
+    halves = np.concatenate([np.diff(record.time[places]) for record, places in zip(records, found, strict=True)])
+    return bool(np.ptp(halves) <= 2.0 * _EVEN * np.mean(halves))
+
+
+def _turns(voltage: Array, least: float) -> Array:
+    """Places at which a drive turns by more than `least` [shape (n,)]."""
+    places, extreme, way = [], 0, 0
+    for k in range(1, voltage.size):
+        ahead = voltage[k] - voltage[extreme]
+        if way * ahead > 0.0 or (way == 0 and abs(ahead) > least):
+            way = way or (1 if ahead > 0.0 else -1)
+            extreme = k
+        elif way and abs(ahead) > least:
+            places.append(extreme)
+            extreme, way = k, -way
+    return np.array(places, dtype=np.intp)
+
+
+_ALIKE = (
+    Alike(
+        _one_cycle,
+        frozenset({"sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "slow_relaxation"}),
+        "All runs are cycles of one frequency and amplitude: a lag, a bandwidth, a mode and a relaxation look alike"
+        " there, and the hysteresis may take up much of any.",
+    ),
+    Alike(
+        _one_way,
+        frozenset({"slow_relaxation", "thermal_drift"}),
+        "The drive only went one way: slow relaxation and drift look alike there, and the hysteresis may take up much"
+        " of either.",
+    ),
+)

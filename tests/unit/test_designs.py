@@ -1,0 +1,49 @@
+"""Which runs cannot tell which effects apart, from the drive alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pzt_ros.diagnosis.designs import alike_by_design
+from pzt_ros.physics.signals import Array
+from pzt_ros.records import Record
+
+TIME = np.arange(0.0, 4.0, 1e-3)
+LATE = frozenset({"sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "slow_relaxation"})
+SLOW = frozenset({"slow_relaxation", "thermal_drift"})
+
+
+def record(voltage: Array) -> Record:
+    return Record("run", {"time_s": TIME[: voltage.size], "voltage_V": voltage})
+
+
+def sine(frequency: float = 7.0, amplitude: float = 40.0) -> Array:
+    return 60.0 + amplitude * np.sin(2.0 * np.pi * frequency * TIME + 0.3)
+
+
+def step(level: float = 100.0, back: float = 0.0) -> Array:
+    return level * np.clip(TIME - 0.5, 0.0, 1.0) - back * np.clip(TIME - 2.5, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("voltages", "groups"),
+    [
+        ((sine(), sine()[:2500]), (LATE,)),
+        ((sine(), sine(frequency=9.0)), ()),
+        ((sine(), sine(amplitude=30.0)), ()),
+        ((sine() + sine(frequency=11.0, amplitude=15.0),), ()),
+        ((sine()[:200],), ()),  # not even two cycles
+        ((step(), step(80.0)), (SLOW,)),
+        ((-step(), step()), (SLOW,)),
+        ((step(), step(back=50.0)), ()),
+        ((step() + 0.1 * np.sin(300.0 * TIME),), (SLOW,)),  # what a reading of the voltage adds is no way back
+        ((step(), sine()), ()),
+    ],
+)
+def test_effects_that_a_drive_cannot_tell_apart(
+    voltages: tuple[Array, ...], groups: tuple[frozenset[str], ...]
+) -> None:
+    found = alike_by_design([record(voltage) for voltage in voltages])
+    assert tuple(each.effects for each in found) == groups
+    assert all(each.remark for each in found)
