@@ -33,9 +33,9 @@ $(VENV)/.installed: pyproject.toml
 demo: install
 	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
 
-# Where no result depends on time, three run at once, for they wait for one another and for nodes; graphs that keep time, and the browser, have the machine to themselves.
+# Where no result depends on time, two run at once; graphs that keep time, and the browser, have the machine to themselves.
 test: install lint
-	$(CLEAN) $(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
+	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
 	$(CLEAN) $(BIN)/pytest --durations 15 tests/graph tests/browser
 
 lint: install

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from pzt_bringup.command import main
 from pzt_bringup.domain import take_domain
 from pzt_ros.errors import BenchError
 
@@ -51,10 +52,23 @@ def refused(scenario: str, *options: str) -> str:
         (("phases:", "phases: [}"), "not valid YAML"),
     ],
 )
-def test_bad_scenario(tmp_path: Path, change: tuple[str, str], expected: str) -> None:
+def test_bad_scenario(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    change: tuple[str, str],
+    expected: str,
+) -> None:
+    """In this process: a program of its own takes seconds to start, and the tests below have theirs."""
     path = tmp_path / "bad.yaml"
     path.write_text(GOOD.replace(*change), encoding="utf-8")
-    said = refused(str(path), "--out", str(tmp_path / "run"))
+    monkeypatch.setattr(sys, "argv", ["pzt_bringup", str(path), "--out", str(tmp_path / "run")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr().err.strip()
+    assert ended.value.code == 2
+    assert len(said.splitlines()) == 1
+    assert said.startswith("error: ")
     assert expected in said
     assert "bad.yaml" in said or "no-such-stage" in said
 
