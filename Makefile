@@ -22,11 +22,14 @@ help:
 
 install: $(VENV)/.installed
 
-$(VENV)/.installed: pyproject.toml
+$(VENV)/.packages: pyproject.toml
 	@[ -z "$$ROS_DISTRO" ] || echo "note: ROS '$$ROS_DISTRO' is sourced in this shell; these targets use the wheels in $(VENV) instead"
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 10) <= v < (3, 14) and f"Python 3.10 to 3.13 is needed, this is {v[0]}.{v[1]}; try make PYTHON=python3.12")'
 	@$(PYTHON) -m venv $(VENV) || { echo "python3-venv is missing: apt install python3-venv"; exit 1; }
 	$(CLEAN) $(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.packages
 	$(CLEAN) $(BIN)/python -m pzt_ros.first_run
 	@touch $@
 
@@ -34,11 +37,12 @@ demo: install
 	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
 
 # Where no result depends on time, two run at once; graphs that keep time, and the browser, have the machine to themselves.
-test: install lint
+test: $(VENV)/.packages
+	$(MAKE) --jobs 2 install lint
 	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
 	$(CLEAN) $(BIN)/pytest --durations 15 tests/graph tests/browser
 
-lint: install
+lint: $(VENV)/.packages
 	$(BIN)/ruff check --quiet .
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy
