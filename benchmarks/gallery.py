@@ -72,9 +72,8 @@ def _run(commands: str, folder: Path) -> str:
         try:
             said, _ = shell.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
-            os.killpg(
-                shell.pid, signal.SIGKILL
-            )  # with what it left in the background: a graph ends when its asker does
+            # with what it left in the background: a graph ends when its asker does
+            os.killpg(shell.pid, signal.SIGKILL)
             raise BenchError(f"not done after {PATIENCE:.0f} s: {commands}") from None
     said = _CONTROL.sub("", said)
     if shell.returncode:

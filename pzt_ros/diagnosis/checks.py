@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import signal
 
+from pzt_ros.diagnosis.turning_points import turning_points
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.noise import noise_floor
-
-_signal: Any = signal  # SciPy carries no types
 
 _FEWEST = 200  # samples of a run
 _BEYOND_NOISE = 1.5  # standard deviation over noise floor; white noise alone gives 1
@@ -117,10 +113,8 @@ def _check_one_actuator(records: Sequence[Record]) -> None:
 
 def _legs(record: Record) -> list[tuple[int, int]]:
     """First and after-last sample of each stretch between two turning points of the drive."""
-    voltage = record.voltage
-    least = _TURN * float(np.ptp(voltage))
-    turns: list[NDArray[np.intp]] = [_signal.find_peaks(sign * voltage, prominence=least)[0] for sign in (1.0, -1.0)]
-    edges = [0, *sorted(int(turn) for turn in np.concatenate(turns)), len(record) - 1]
+    turns = turning_points(record.voltage, _TURN * float(np.ptp(record.voltage)))
+    edges = [0, *turns.tolist(), len(record) - 1]
     return [(first, last + 1) for first, last in itertools.pairwise(edges) if last > first]
 
 

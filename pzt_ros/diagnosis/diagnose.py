@@ -16,11 +16,11 @@ from pzt_ros.diagnosis.base import default_chain, fit_declared, without_historie
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
-from pzt_ros.diagnosis.designs import Alike, alike_by_design
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.identifiability import Alike, alike_by_design
 from pzt_ros.diagnosis.intervals import note_intervals
 from pzt_ros.diagnosis.next_experiment import (
     Bench,

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
-from pzt_ros.diagnosis.designs import alike_by_design
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
+from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.effect import Effect

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pzt_ros.physics.signals import Array
+from pzt_ros.diagnosis.turning_points import turning_points
 from pzt_ros.records import Record
 
 _LEVEL = 0.03  # of the span: turns at one level
@@ -41,19 +41,12 @@ def alike_by_design(records: Sequence[Record]) -> list[Alike]:
 
 
 def _one_way(records: Sequence[Record]) -> bool:
-    return all(_way_back(record.voltage) <= _BACK * np.ptp(record.voltage) for record in records)
-
-
-def _way_back(voltage: Array) -> float:
-    """Largest way back of a drive that goes mostly up, or down."""
-    falls = np.max(np.maximum.accumulate(voltage) - voltage)
-    rises = np.max(voltage - np.minimum.accumulate(voltage))
-    return float(min(falls, rises))
+    return not any(turning_points(record.voltage, _BACK * float(np.ptp(record.voltage))).size for record in records)
 
 
 def _one_cycle(records: Sequence[Record]) -> bool:
     span = max(float(np.ptp(record.voltage)) for record in records)
-    found = [_turns(record.voltage, _TURN * span) for record in records]
+    found = [turning_points(record.voltage, _TURN * span) for record in records]
     if any(places.size < _FEWEST_TURNS for places in found):
         return False
     levels = np.concatenate([record.voltage[places] for record, places in zip(records, found, strict=True)])
@@ -62,20 +55,6 @@ def _one_cycle(records: Sequence[Record]) -> bool:
         return False
     halves = np.concatenate([np.diff(record.time[places]) for record, places in zip(records, found, strict=True)])
     return bool(np.ptp(halves) <= 2.0 * _EVEN * np.mean(halves))
-
-
-def _turns(voltage: Array, least: float) -> Array:
-    """Places at which a drive turns by more than `least` [shape (n,)]."""
-    places, extreme, way = [], 0, 0
-    for k in range(1, voltage.size):
-        ahead = voltage[k] - voltage[extreme]
-        if way * ahead > 0.0 or (way == 0 and abs(ahead) > least):
-            way = way or (1 if ahead > 0.0 else -1)
-            extreme = k
-        elif way and abs(ahead) > least:
-            places.append(extreme)
-            extreme, way = k, -way
-    return np.array(places, dtype=np.intp)
 
 
 _ALIKE = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pzt_ros.diagnosis.designs import alike_by_design
+from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 
