@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
+from pzt_bringup.nursery import NodeProcess
 from pzt_bringup.processes import ProcessRow
 from pzt_bringup.shared_memory import held_by
 
@@ -35,16 +34,8 @@ class Child:
         self.status: dict[str, dict[str, Any]] = {}
         self.heard: dict[str, float] = {}
         self.memory: set[str] = set()
-        self._log = open(log, "wb")  # noqa: SIM115 - as long as the process
-        # A session of its own: Ctrl-C reaches the supervisor alone, which stops the nodes in the right order.
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", row.module, *row.words, *arguments],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            start_new_session=True,
-        )
+        self._log = open(log, "ab")  # noqa: SIM115 - as long as the process
+        self._process = NodeProcess(row.module, [*row.words, *arguments], environment, log)
         self._listener = threading.Thread(target=self._listen, name=f"listen-{row.name}", daemon=True)
         self._listener.start()
 
@@ -56,10 +47,9 @@ class Child:
     @property
     def exit_code(self) -> int | None:
         """None while it lives."""
-        return self._process.poll()
+        return self._process.exit_code
 
     def _listen(self) -> None:
-        assert self._process.stdout is not None
         for raw in self._process.stdout:
             line = raw.decode("utf-8", "replace")
             if line.startswith(_PREFIX):
@@ -75,24 +65,18 @@ class Child:
 
     def ask_to_stop(self) -> None:
         """Send the first, friendly signal."""
-        if self.exit_code is None:
-            self._process.send_signal(ESCALATION[0][0])
+        self._process.send_signal(ESCALATION[0][0])
 
-    def stop(self) -> int:
+    def stop(self) -> int | None:
         """See to it that the process is gone; returns its exit code."""
         for number, patience in ESCALATION:
-            if self.exit_code is not None:
-                break
             self._process.send_signal(number)
-            try:
-                self._process.wait(patience)
-            except subprocess.TimeoutExpired:
-                continue
+            if self._process.wait(patience) is not None:
+                break
         self._listener.join(1.0)
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        self._process.stdout.close()
         self._log.close()
-        return self._process.wait()
+        return self.exit_code
 
     def wait_stopped(self, patience: float) -> bool:
         """Wait for the process to end by itself; whether it did within `patience` [s]."""

@@ -17,7 +17,7 @@ from pzt_config.topics import NODES
 from pzt_ros.errors import BenchError
 from pzt_ros.hardware.choose import Drivers, as_parameters
 from pzt_ros.quantities import parameters_of
-from pzt_ros.ros_environment import ros_environment, supervised
+from pzt_ros.ros_environment import ros_environment
 from pzt_ros.scenario import RATES, Scenario, Timing
 
 
@@ -160,4 +160,4 @@ def _version(package: str) -> str:
 
 def environment(plan: Plan) -> dict[str, str]:
     """What every process of the graph finds in its environment; the user's own settings win."""
-    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), "PZT_STATUS": "1", **supervised()}
+    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), "PZT_STATUS": "1"}

@@ -26,7 +26,7 @@ def compile_once(scenario: Scenario, tell: Callable[[str], None]) -> None:
     Raises:
         BenchError: bad chain, or a model that cannot be evaluated.
     """
-    done = Path(os.environ["NUMBA_CACHE_DIR"]) / f"compiled-{_digest(scenario)}"
+    done = _stamp(scenario)
     if done.exists():
         return
     tell(f"compiling {scenario.name}; only the first run on this machine has to wait for that")
@@ -34,6 +34,19 @@ def compile_once(scenario: Scenario, tell: Callable[[str], None]) -> None:
     with contextlib.suppress(OSError):  # where nothing can be remembered, the next run waits again
         done.parent.mkdir(parents=True, exist_ok=True)
         done.touch()
+
+
+def rehearse() -> None:
+    """Load the compiled code of what is shipped, where there is some."""
+    for name in SHIPPED:
+        scenario = load_scenario(name)
+        if _stamp(scenario).exists():
+            InProcessLoop(scenario).warm_up()
+
+
+def _stamp(scenario: Scenario) -> Path:
+    """A file that is there once everything has been compiled for a scenario."""
+    return Path(os.environ["NUMBA_CACHE_DIR"]) / f"compiled-{_digest(scenario)}"
 
 
 def _digest(scenario: Scenario) -> str:

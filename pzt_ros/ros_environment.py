@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from importlib import resources
 from pathlib import Path
@@ -25,11 +26,14 @@ def ros_environment(log_folder: Path, domain: int | None = None) -> dict[str, st
 
 
 def supervised() -> dict[str, str]:
-    """What tells a process that it shall not outlive this one; see `orphaned`."""
+    """What tells a program that it shall not outlive this one; a fork knows without being told. See `orphaned`."""
     return {"PZT_PARENT": str(os.getpid())}
 
 
 def orphaned() -> bool:
     """Whether the process that started this one, and said `supervised`, is gone: then nobody would ever stop it."""
+    starter = multiprocessing.parent_process()
+    if starter is not None:
+        return not starter.is_alive()
     parent = os.environ.get("PZT_PARENT")
     return parent is not None and os.getppid() != int(parent)

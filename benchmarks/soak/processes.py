@@ -68,11 +68,12 @@ class GraphProcess:
 
     def nodes(self) -> list[psutil.Process]:
         """The processes of the graph."""
-        return psutil.Process(self.process.pid).children(recursive=True)
+        children = psutil.Process(self.process.pid).children(recursive=True)
+        return [child for child in children if "-m pzt_nodes." in _title(child)]
 
     def node(self, name: str) -> psutil.Process:
         """The process of one node."""
-        return next(p for p in self.nodes() if any(f"pzt_nodes.{name}" in word for word in p.cmdline()))
+        return next(p for p in self.nodes() if f"-m pzt_nodes.{name}" in _title(p))
 
     def interrupt(self) -> None:
         """Ctrl-C."""
@@ -86,6 +87,12 @@ class GraphProcess:
     def run_json(self) -> dict[str, Any]:
         """What the run folder says of the run."""
         return json.loads((self.folder / "run.json").read_text(encoding="utf-8"))
+
+
+def _title(process: psutil.Process) -> str:
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return " ".join(process.cmdline())
+    return ""
 
 
 def wait_until(happened: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
