@@ -1,8 +1,8 @@
 """The live panel beside a graph: frames a second, what page and node cost, and what the graph's ticks notice of them.
 
-One graph follows a scan in real time; windows without a panel, with one whose page does not draw, and with one that
-does, take turns in the same run: what a browser without a graphics card takes for drawing is not the panel's. The ticks
-are timed by the bag: from the plant's truth to the amplifier's answer to it.
+One graph follows a scan in real time; windows without a panel, with one that nobody looks at, with one whose page does
+not draw, and with one that does, take turns in the same run: what the browser takes is not the panel's. The ticks are
+timed by the bag: from the plant's truth to the amplifier's answer to it.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from pzt_ros.errors import BenchError, RunFailedError
 from pzt_ros.panel.board import Board
 from pzt_ros.panel.feed import NodeFeed
 from pzt_ros.panel.motion import scan
+from pzt_ros.panel.safety import waits_for
 from pzt_ros.ros_environment import ros_environment
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -40,7 +41,7 @@ FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--
 SETTLE, START_TIMEOUT = 5.0, 60.0
 """Nothing is measured for so long after a panel came or went; what is not there by then never will be [s]."""
 
-WITHOUT, UNDRAWN, DRAWN = "no panel", "panel, page does not draw", "panel, page draws"
+WITHOUT, UNSEEN, UNDRAWN, DRAWN = "no panel", "panel, no page", "panel, page does not draw", "panel, page draws"
 """Kinds of windows."""
 
 NO_DRAWING = "window.requestAnimationFrame = () => 0"
@@ -88,12 +89,12 @@ def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
         folder = Path(name)
         with _graph(folder) as domain:
             asyncio.run(_begin_scan(domain, folder))
-            windows: dict[str, list[Window]] = {WITHOUT: [], UNDRAWN: [], DRAWN: []}
+            windows: dict[str, list[Window]] = {WITHOUT: [], UNSEEN: [], UNDRAWN: [], DRAWN: []}
             for turn in range(turns):
                 for kind in windows:
                     tell(f"{kind}, {turn + 1} of {turns}")
-                    with _page(domain, folder) if kind != WITHOUT else nullcontext() as page:
-                        if page and kind == UNDRAWN:
+                    with _page(domain, folder, kind != UNSEEN) if kind != WITHOUT else nullcontext() as page:
+                        if kind == UNDRAWN:
                             page.page.evaluate(NO_DRAWING)
                         time.sleep(SETTLE)
                         windows[kind].append(_watch(page, length))
@@ -125,9 +126,7 @@ async def _begin_scan(domain: int, folder: Path) -> None:
     command = [sys.executable, "-m", "pzt_nodes.panel_node", "--ros-args", "-r", "__ns:=/stage"]
     board, feed = Board(), NodeFeed(command, ros_environment(folder / "log", domain), read_only=False)
     running = asyncio.create_task(feed.run(board))
-    await _until(
-        lambda: board.health.get("experiment", {}).get("values", {}).get("phase") == "not enabled", "the graph"
-    )
+    await _until(lambda: bool(board.health) and not waits_for(board.health), "the graph")
     await _granted(feed, do="enable", value=True)
     await _until(lambda: board.here is not None and board.envelope is not None, "the first blocks")
     await _granted(feed, do="pole")
@@ -159,20 +158,22 @@ async def _granted(feed: NodeFeed, **request: Any) -> None:
 
 @dataclass(frozen=True)
 class _Page:
-    """The panel's two processes, and the page in the browser."""
+    """The panel's two processes, and the page in the browser, if one is open."""
 
     panel: int
     browser: list[int]
-    page: Any
+    page: Any = None
 
     def counts(self) -> dict[str, int]:
         """Frames pushed to the page and drawn by it, so far."""
+        if self.page is None:
+            return {"pushed": 0, "drawn": 0}
         found: dict[str, int] = self.page.evaluate("getElement(document.querySelector('.scope').id.slice(1)).counts()")
         return found
 
 
 @contextmanager
-def _page(domain: int, folder: Path) -> Iterator[_Page]:
+def _page(domain: int, folder: Path, opened: bool) -> Iterator[_Page]:
     try:
         from playwright.sync_api import sync_playwright
     except ModuleNotFoundError:
@@ -184,10 +185,15 @@ def _page(domain: int, folder: Path) -> Iterator[_Page]:
     with open(folder / "panel.log", "a", encoding="utf-8") as log:
         panel = subprocess.Popen([str(Path(sys.executable).with_name("pzt")), *words], stdout=log, stderr=log)
     try:
+        if not opened:
+            _wait_for_server(port)
+            yield _Page(panel.pid, [])
+            return
         with sync_playwright() as playwright:
             before = set(_descendants(os.getpid()))
             browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
             page = browser.new_page(viewport={"width": 1440, "height": 900})
+            _wait_for_server(port)
             _open(page, f"http://127.0.0.1:{port}/")
             yield _Page(panel.pid, sorted(set(_descendants(os.getpid())) - before), page)
             browser.close()
@@ -196,16 +202,17 @@ def _page(domain: int, folder: Path) -> Iterator[_Page]:
         panel.wait()
 
 
-def _open(page: Any, address: str) -> None:
+def _wait_for_server(port: int) -> None:
     deadline = time.monotonic() + START_TIMEOUT
-    while True:
-        try:
-            page.goto(address)
-            break
-        except Exception as error:  # Playwright's own; the server is not up yet
+    with socket.socket() as probe:
+        while probe.connect_ex(("127.0.0.1", port)):
             if time.monotonic() > deadline:
-                raise RunFailedError(f"the panel does not answer: {error}") from None
+                raise RunFailedError("the panel's server does not answer; is the machine too busy?")
             time.sleep(0.2)
+
+
+def _open(page: Any, address: str) -> None:
+    page.goto(address)
     page.wait_for_function("document.querySelector('[data-is=headline]')?.textContent === 'ENABLED'", timeout=60e3)
 
 
@@ -221,7 +228,10 @@ def _watch(page: _Page | None, length: float) -> Window:
         "browser": page.browser,
     }
     counts, spent = page.counts(), {name: _processor_time(pids) for name, pids in groups.items()}
-    page.page.wait_for_timeout(1e3 * length)
+    if page.page is None:
+        time.sleep(length)
+    else:
+        page.page.wait_for_timeout(1e3 * length)
     after = page.counts()
     took = time.monotonic() - started
     shares = {name: (_processor_time(pids) - spent[name]) / took for name, pids in groups.items()}
@@ -269,7 +279,7 @@ def _cost(windows: dict[str, list[Window]]) -> Table:
             kind, f"{w.pushed:.1f}", f"{w.drawn:.1f}", _percent(w.page), _percent(w.node),
             _percent(w.page + w.node), _percent(w.browser),
         )
-        for kind in (UNDRAWN, DRAWN)
+        for kind in (UNSEEN, UNDRAWN, DRAWN)
         for w in windows[kind]
     ]  # fmt: skip
     note = "Shares of one core. The browser is headless and draws in software; with a graphics card it costs less."
@@ -277,17 +287,17 @@ def _cost(windows: dict[str, list[Window]]) -> Table:
 
 
 def _effect(windows: dict[str, list[Window]], when: NDArray[np.int64], took: NDArray[np.float64]) -> Table:
-    heads = ("", "ticks", "median ms", "99 % ms", "window medians ms")
+    heads = ("", "ticks", "median ms", "of each window", "99 % ms", "of each window")
     rows = []
     for kind, ones in windows.items():
         parts = [took[(when >= w.begin) & (when < w.end)] for w in ones]
         every = np.concatenate(parts)
         middle, late = np.percentile(every, (50.0, 99.0))
-        medians = ", ".join(f"{np.median(part):.2f}" for part in parts)
-        rows.append((kind, str(len(every)), f"{middle:.2f}", f"{late:.2f}", medians))
+        of_windows = [", ".join(f"{np.percentile(part, share):.2f}" for part in parts) for share in (50.0, 99.0)]
+        rows.append((kind, str(len(every)), f"{middle:.2f}", of_windows[0], f"{late:.2f}", of_windows[1]))
     note = (
         "The graph's answer to a block in real time: from truth to the next block applied, as the recorder heard them. "
-        "Windows take turns in one run; how far the medians of one kind lie apart is what cannot be told."
+        "Windows take turns in one run; how far windows of one kind lie apart is what cannot be told."
     )
     return Table("The graph's tick beside the panel", heads, rows, note)
 

@@ -25,6 +25,7 @@ class Topic:
         publisher: the node that publishes it; "*" for every node, "operator" for whoever is outside the graph.
         subscribers: the nodes that need it (the recorder takes all that is `logged`).
         columns: of a block; empty for other messages.
+        optional: the last of them, which a foreign sender may leave out.
         qos: name of a profile in `qos.py`.
         rate: how often it is said, for people.
         description: one line, for people.
@@ -37,6 +38,7 @@ class Topic:
     publisher: str
     subscribers: tuple[str, ...]
     columns: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
     qos: str = "stream"
     rate: str = "one per block"
     description: str = ""
@@ -47,6 +49,10 @@ class Topic:
     def is_block(self) -> bool:
         """Whether it carries blocks of samples."""
         return self.type == BLOCK
+
+    def takes(self, columns: tuple[str, ...]) -> bool:
+        """Whether a block of these columns is one of this topic."""
+        return columns == self.columns or columns == self.columns[: len(self.columns) - len(self.optional)]
 
 
 TOPICS: dict[str, Topic] = {
@@ -69,8 +75,10 @@ TOPICS: dict[str, Topic] = {
               ("time_s", "displacement_m"),
               description="the sensor's reading; the heartbeat of the graph"),
         Topic("estimate", BLOCK, "observer", ("controller", "amplifier"),
-              ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction", "innovation_m", "disturbance_m"),
-              description="the observer's view of the block just measured"),
+              ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction", "innovation_m", "disturbance_m",
+               "displacement_std_m", "polarization_std_C_per_m2", "phase_fraction_std"),
+              optional=("displacement_std_m", "polarization_std_C_per_m2", "phase_fraction_std"),
+              description="the observer's view of the block just measured; a standard deviation it lacks is NaN"),
         Topic("joint_trajectory", JOINT_TRAJECTORY, "operator", ("experiment",), rate="on demand",
               description="positions [m] at times, for the scenario `manual`; a new one replaces the present one"),
         Topic("joint_states", JOINT_STATE, "sensor", (), rate="at most 100 Hz",

@@ -42,7 +42,7 @@ class Ears:
             for data in taken(subscription):
                 with contextlib.suppress(BlockError):
                     block = decode(data, TOPICS[name].columns, self._block_size) or foreign_block(data)
-                    if block.columns == TOPICS[name].columns:
+                    if TOPICS[name].takes(block.columns):
                         yield name, block
 
     def close(self) -> None:

@@ -101,7 +101,7 @@ class GraphNode(Node):
             except BlockError as error:
                 self.refuse(name, str(error))
                 return
-            if block.columns != topic.columns:
+            if not topic.takes(block.columns):
                 self.refuse(name, f"columns are {','.join(block.columns)}, expected {','.join(topic.columns)}")
                 return
             callback(block)

@@ -31,13 +31,18 @@ class ObserverNode(GraphNode):
 
     def _on_applied(self, block: Block) -> None:
         """The model runs while the block is still being measured."""
-        self._state, predicted = self.observer.predict(self.model, self._state, block.time, block["voltage_V"])
+        self._state, predicted = self.observer.predict(
+            self.model, self._state, block.time, block["voltage_V"], block["charge_C"]
+        )
         self._join.add(self.tick_of(block), "predicted", predicted)
 
     def _on_tick(self, _tick: int, parts: dict[str, Any]) -> None:
         self.ticks += 1
         self._state, e = self.observer.correct(self._state, parts["predicted"], parts["measurement"]["displacement_m"])
-        self.publish("estimate", e.time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
+        self.publish(
+            "estimate", e.time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance,
+            e.displacement_std, e.polarization_std, e.phase_fraction_std,
+        )  # fmt: skip
 
     def health(self) -> tuple[str, str, dict[str, object]]:
         """What the observer has to say of its readings."""

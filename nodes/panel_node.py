@@ -27,6 +27,7 @@ from pzt_nodes.parameters import declare_text
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import BlockError
 from pzt_ros.panel.frames import SOURCES, Frames
+from pzt_ros.panel.priority import stand_back
 from pzt_ros.panel.replay import health_of
 from pzt_ros.wire import decode_any
 
@@ -98,7 +99,7 @@ class PanelNode(GraphNode):
         except BlockError:
             self.counts[f"refused on {name}"] += 1
             return
-        if block.columns == TOPICS[name].columns and len(block):
+        if TOPICS[name].takes(block.columns) and len(block):
             self._frames.add(name, block)
         else:
             self.counts[f"refused on {name}"] += 1
@@ -134,6 +135,7 @@ class PanelNode(GraphNode):
 
 def main() -> None:
     """Run the panel's node."""
+    stand_back()
     run_node(PanelNode)
 
 

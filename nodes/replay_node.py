@@ -83,8 +83,7 @@ class ReplayNode(Node):
             prepare(tick)
             count = len(self.answers)
             for topic, block in tick.given.items():
-                columns = TOPICS[topic].columns
-                self._senders[topic].publish(encode(columns, tuple(block[name] for name in columns)))
+                self._senders[topic].publish(encode(block.columns, tuple(block[name] for name in block.columns)))
             self.wait(f"no answer to block {tick.number}", lambda count=count: len(self.answers) > count)
 
     def _enable(self) -> None:

@@ -101,7 +101,7 @@ class InProcessLoop:
         truth = self.stage.step(applied.time, applied.voltage)
         measurement = self.sensor.read(truth.time, truth.displacement)
         self._observer_state, estimate = self.observer.update(
-            self.model, self._observer_state, applied.time, applied.voltage, measurement
+            self.model, self._observer_state, applied.time, applied.voltage, measurement, applied.charge
         )
         return Tick(reference, command, applied, truth, measurement, estimate)
 

@@ -12,7 +12,7 @@ from numba import njit
 
 from pzt_ros.observers.observer import Estimate, Observer
 from pzt_ros.physics.chain import Chain, ChainState
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
 
@@ -44,7 +44,7 @@ class DisturbanceObserver(Observer):
         return DisturbanceState(model.behind_amplifier.init(rest), math.nan, rest.time)
 
     def predict(
-        self, model: Chain, state: DisturbanceState, time: Array, voltage: Array
+        self, model: Chain, state: DisturbanceState, time: Array, voltage: Array, charge: Array = ABSENT
     ) -> tuple[DisturbanceState, Signals]:
         """The model over a block of applied voltage [V]."""
         memory, predicted = model.behind_amplifier.step(state.model, Signals(time, voltage))
@@ -57,6 +57,7 @@ class DisturbanceObserver(Observer):
         time, residual = predicted.time, measurement - predicted.displacement
         step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else max(float(time[0]) - state.time, 0.0)
         found, disturbance, innovation = _follow(residual, state.disturbance, 1.0 - math.exp(-self.gain * step))
+        unknown = np.full_like(time, math.nan)
         estimate = Estimate(
             time,
             predicted.displacement + disturbance,
@@ -64,6 +65,9 @@ class DisturbanceObserver(Observer):
             predicted.phase_fraction,
             innovation,
             disturbance,
+            displacement_std=unknown,
+            polarization_std=unknown,
+            phase_fraction_std=unknown,
         )
         return DisturbanceState(state.model, found, float(time[-1])), estimate
 

@@ -25,15 +25,20 @@ from pzt_ros.observers.slow_filter import (
     READING,
     REJECTED,
     SINCE,
+    ZERO,
     Tuning,
     follow,
 )
 from pzt_ros.physics.chain import Chain, ChainState
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
 MOST_TURNS = 6
 """Turning points of a history that is made up."""
+
+ANY_POLARIZATION = 1.0
+"""A charge meter counts from where the ceramic is when it begins, which may be anywhere within this [C/m^2]."""
 
 SLOWEST, FASTEST = 20.0, 2000.0
 """Its rates [V/s]."""
@@ -87,10 +92,14 @@ class Foreseen(Signals):
     Attributes:
         base: reading, polarization and phase fraction [shape (3, n)].
         deviation: of each history from it, over the root of their number [shape (3, n, members)].
+        charge: measured, over the electrodes' area; NaN where it is not used [C/m^2, shape (n,)].
+        area: of the electrodes [m^2].
     """
 
     base: Array = field(default_factory=lambda: np.empty((3, 0)))
     deviation: Array = field(default_factory=lambda: np.empty((3, 0, 0)))
+    charge: Array = field(default_factory=lambda: np.empty(0))
+    area: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +110,8 @@ class HysteresisObserver(Observer):
     histories with the same reversals later differ by a constant or less (wiping-out). So reading, polarization and
     phase fraction are taken as the mean of some dozen members plus a combination of their deviations from it. A Kalman
     filter finds the combination together with a disturbance (offset, then a random walk with a rate) and three decaying
-    displacements (creep that began before). With one member, the state at rest, it is that filter alone.
+    displacements (creep that began before). With one member, the state at rest, it is that filter alone. Where the
+    amplifier measures charge, `charge_noise_rms` lets the filter use it, whatever zero that meter has.
 
     The disturbance is let go faster while the mean innovation differs from 0 by more than chance. Readings are not
     believed where they are no number, far from what is expected (unless for longer than `patience`), or the same again
@@ -125,13 +135,20 @@ class HysteresisObserver(Observer):
     gate: float = parameter(6.0, "1", "standard deviations beyond which a reading is a spike", bounds=(2.0, 1e3))
     patience: float = parameter(5e-3, "s", "after which spikes in a row are believed", bounds=(0.0, 1e3))
     adaptation_time: float = parameter(1e-3, "s", "over which the mean innovation is taken", bounds=(1e-6, 1e3))
+    charge_noise_rms: float = parameter(0.0, "C", "of the charge meter; 0: charge is not used", bounds=(0.0, 1.0))
+    charge_drift: float = parameter(
+        1e-6,
+        "C/s^(1/2)",
+        "root of the variance per second by which its zero wanders, and what no mixture of the histories would draw",
+        bounds=(0.0, 1.0),
+    )
 
     def init(self, model: Chain, rest: Rest) -> HysteresisState:
         """Nothing known; the histories are made up when the first voltage is."""
         return HysteresisState(rest, (), np.empty(0), np.empty((0, 0)), np.empty(0))
 
     def predict(
-        self, model: Chain, state: HysteresisState, time: Array, voltage: Array
+        self, model: Chain, state: HysteresisState, time: Array, voltage: Array, charge: Array = ABSENT
     ) -> tuple[HysteresisState, Signals]:
         """Every history over a block of applied voltage [V]."""
         behind = model.behind_amplifier
@@ -145,9 +162,13 @@ class HysteresisObserver(Observer):
                 each[quantity, :, j] = values if values.size else 0.0
         base = each.mean(axis=2)
         each = (each - base[:, :, None]) / math.sqrt(max(len(stepped) - 1, 1))
+        area = sum(link.electrode_area for link in behind.links if isinstance(link, Ferroelectric))
+        used = self.charge_noise_rms > 0.0 and charge.size and area > 0.0
         foreseen = Foreseen(
-            time, voltage, displacement=base[0], polarization=base[1], phase_fraction=base[2], base=base, deviation=each
-        )
+            time, voltage, displacement=base[0], polarization=base[1], phase_fraction=base[2],
+            base=base, deviation=each,
+            charge=charge / area if used else np.full_like(time, math.nan), area=area,
+        )  # fmt: skip
         return dataclasses.replace(state, members=tuple(member for member, _ in stepped)), foreseen
 
     def correct(
@@ -158,8 +179,8 @@ class HysteresisObserver(Observer):
         mean, covariance, notes = state.mean.copy(), state.covariance.copy(), state.notes.copy()
         out = np.empty((8, len(measurement)))
         follow(
-            mean, covariance, notes, self._tuning, predicted.time, np.ascontiguousarray(measurement),
-            predicted.base, predicted.deviation, out,
+            mean, covariance, notes, self._tuning(predicted.area), predicted.time, np.ascontiguousarray(measurement),
+            predicted.charge, predicted.base, predicted.deviation, out,
         )  # fmt: skip
         state = dataclasses.replace(state, mean=mean, covariance=covariance, notes=notes)
         y, p, x, y_std, p_std, x_std, innovation, disturbance = out
@@ -179,10 +200,10 @@ class HysteresisObserver(Observer):
 
     def slow_disturbances(self, state: HysteresisState) -> tuple[Array, Array]:
         """Disturbance [m], its rate [m/s] and the decaying displacements [m], and their covariance."""
-        return state.mean[:HISTORY].copy(), state.covariance[:HISTORY, :HISTORY].copy()
+        return state.mean[:ZERO].copy(), state.covariance[:ZERO, :ZERO].copy()
 
-    @property
-    def _tuning(self) -> Tuning:
+    def _tuning(self, area: float) -> Tuning:
+        per_area = 1.0 / area if area > 0.0 else 0.0
         return Tuning(
             noise=self.noise_rms**2,
             disturbance=self.disturbance_density**2,
@@ -192,6 +213,8 @@ class HysteresisObserver(Observer):
             patience=self.patience,
             memory=self.adaptation_time,
             times=np.geomspace(self.shortest_creep, self.longest_creep, CREEPS),
+            charge=(self.charge_noise_rms * per_area) ** 2,
+            zero=(self.charge_drift * per_area) ** 2,
         )
 
     def _begin(self, model: Chain, rest: Rest, time: float, voltage: float) -> HysteresisState:
@@ -202,7 +225,7 @@ class HysteresisObserver(Observer):
         members += [self._made_up(model, rest, time, voltage, random) for _ in range(count - 1)]
         variance = np.zeros(HISTORY + count)
         variance[DISTURBANCE], variance[RATE] = self.offset_std**2, self.drift_rate_std**2
-        variance[CREEP:HISTORY] = self.creep_std**2
+        variance[CREEP:ZERO], variance[ZERO] = self.creep_std**2, ANY_POLARIZATION**2
         variance[HISTORY:] = 1.0
         notes = np.zeros(ORIGIN + 1 + count)
         notes[LAST], notes[SINCE], notes[READING] = time, math.nan, math.nan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,7 +23,7 @@ class Estimate:
         phase_fraction: [-].
         innovation: measurement minus the observer's one-step prediction [m]; 0 where nothing was measured.
         disturbance: what the model lacks, as a displacement [m].
-        displacement_std, polarization_std, phase_fraction_std: standard deviations; empty where the observer has none.
+        displacement_std, polarization_std, phase_fraction_std: standard deviations; NaN where the observer has none.
     """
 
     time: Array
@@ -32,9 +32,9 @@ class Estimate:
     phase_fraction: Array
     innovation: Array
     disturbance: Array
-    displacement_std: Array = field(default_factory=lambda: ABSENT)
-    polarization_std: Array = field(default_factory=lambda: ABSENT)
-    phase_fraction_std: Array = field(default_factory=lambda: ABSENT)
+    displacement_std: Array
+    polarization_std: Array
+    phase_fraction_std: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,10 +48,13 @@ class Observer(ABC):
         """The state at rest."""
 
     @abstractmethod
-    def predict(self, model: Chain, state: Any, time: Array, voltage: Array) -> tuple[Any, Signals]:
+    def predict(
+        self, model: Chain, state: Any, time: Array, voltage: Array, charge: Array = ABSENT
+    ) -> tuple[Any, Signals]:
         """What the model makes of a block of applied voltage [V], as it is behind the amplifier.
 
-        It needs no measurement, so it can be done while the block is still being measured.
+        It needs no measurement of displacement, so it can be done while the block is still being measured. The charge
+        [C] that the amplifier has measured comes with its voltage; an observer may use it.
         """
 
     @abstractmethod
@@ -67,7 +70,9 @@ class Observer(ABC):
         """What an operator may want to know, by name; nothing by default."""
         return {}
 
-    def update(self, model: Chain, state: Any, time: Array, voltage: Array, measurement: Array) -> tuple[Any, Estimate]:
+    def update(
+        self, model: Chain, state: Any, time: Array, voltage: Array, measurement: Array, charge: Array = ABSENT
+    ) -> tuple[Any, Estimate]:
         """Predict and correct."""
-        state, predicted = self.predict(model, state, time, voltage)
+        state, predicted = self.predict(model, state, time, voltage, charge)
         return self.correct(state, predicted, measurement)

@@ -1,7 +1,9 @@
 """The compiled Kalman filter of the hysteresis observer: slow disturbances, and which history the stage has had.
 
-States: disturbance [m], its rate [m/s], CREEPS decaying displacements [m], then one coefficient [-] for each history.
-The measurement is base + disturbance + creeps + sum of coefficient times deviation of that history, plus noise.
+States: disturbance [m], its rate [m/s], CREEPS decaying displacements [m], zero of the charge meter [C/m^2], then one
+coefficient [-] for each history. The measurement is base + disturbance + creeps + sum of coefficient times deviation of
+that history, plus noise. The charge, where it is measured, is that of the polarization: its base + zero + sum of
+coefficient times deviation, plus noise; the zero wanders, as that of an integrator does.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from numba import njit
 from pzt_ros.physics.signals import Array
 
 CREEPS = 3
-DISTURBANCE, RATE, CREEP, HISTORY = 0, 1, 2, 2 + CREEPS
+DISTURBANCE, RATE, CREEP, ZERO, HISTORY = 0, 1, 2, 2 + CREEPS, 3 + CREEPS
 
 LAST, MEAN, SINCE, READING, REPEATED, BEFORE, REJECTED, MISSING, FROZEN, ORIGIN = range(10)
 """What is noted from sample to sample: time [s], mean innovation [m], time of the first of a row of rejected samples
@@ -44,6 +46,8 @@ class Tuning(NamedTuple):
     patience: float
     memory: float
     times: Array
+    charge: float
+    zero: float
 
 
 @njit(cache=True, error_model="numpy")
@@ -66,12 +70,21 @@ def _forward(z, p, step, t, restless):  # type: ignore[no-untyped-def]
         p[k, k] += t.creep * (1.0 - left * left)
     p[DISTURBANCE, DISTURBANCE] += step * (t.disturbance + restless)
     p[RATE, RATE] += step * t.rate
+    p[ZERO, ZERO] += step * t.zero
 
 
 @njit(cache=True, error_model="numpy")
 def _row(h, deviation):  # type: ignore[no-untyped-def]
     h[DISTURBANCE], h[RATE] = 1.0, 0.0
-    h[CREEP:HISTORY] = 1.0
+    h[CREEP:ZERO] = 1.0
+    h[ZERO] = 0.0
+    h[HISTORY:] = deviation
+
+
+@njit(cache=True, error_model="numpy")
+def _charge_row(h, deviation):  # type: ignore[no-untyped-def]
+    h[:HISTORY] = 0.0
+    h[ZERO] = 1.0
     h[HISTORY:] = deviation
 
 
@@ -152,7 +165,7 @@ def _usable(frozen, reading, innovation, variance, now, notes, t):  # type: igno
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def follow(z, p, notes, t, time, reading, base, deviation, out):  # type: ignore[no-untyped-def]
+def follow(z, p, notes, t, time, reading, charge, base, deviation, out):  # type: ignore[no-untyped-def]
     """Take a block of readings in; mean `z`, covariance `p` and `notes` move in place.
 
     Args:
@@ -160,6 +173,7 @@ def follow(z, p, notes, t, time, reading, base, deviation, out):  # type: ignore
         notes: see LAST ... ORIGIN [shape (ORIGIN + 1 + m - HISTORY,)].
         t: tuning.
         time, reading: of the block [shape (n,)].
+        charge: over the electrodes' area [C/m^2]; NaN where it is not measured [shape (n,)].
         base: of reading, polarization and phase fraction, as the mean of the histories has them [shape (3, n)].
         deviation: of each history from the base [shape (3, n, m - HISTORY)].
         out: is filled: reading without noise, polarization, phase fraction, their standard deviations, innovation,
@@ -189,10 +203,26 @@ def follow(z, p, notes, t, time, reading, base, deviation, out):  # type: ignore
             else:
                 notes[MEAN] += share * (innovation * math.sqrt(t.noise / variance) - notes[MEAN])
             _learn(z, p, ph, innovation, variance)
-            variance_left = (variance - t.noise) * t.noise / variance
+            left = (variance - t.noise) * t.noise / variance
         else:
-            variance_left = variance - t.noise
-        _tell(z, p, base, deviation, k, variance_left, out)
+            left = variance - t.noise
+        if math.isfinite(charge[k]):
+            _weigh(z, p, h, ph, charge[k] - base[1, k], deviation[1, k], step, t)
+            _row(h, deviation[0, k])
+            left = _seen(p, h, ph)
+        _tell(z, p, base, deviation, k, left, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _weigh(z, p, h, ph, charge, deviation, step, t):  # type: ignore[no-untyped-def]
+    """Take a charge in; where one is far from what is expected the zero is let go, until it is believed."""
+    _charge_row(h, deviation)
+    variance = t.charge + _seen(p, h, ph)
+    miss = charge - np.dot(h, z)
+    if miss * miss <= t.gate * t.gate * variance:
+        _learn(z, p, ph, miss, variance)
+    else:
+        p[ZERO, ZERO] += miss * miss * min(step / t.patience, 1.0)
 
 
 @njit(cache=True, error_model="numpy")

@@ -62,6 +62,7 @@ class NodeFeed:
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             limit=LONGEST_LINE,
+            start_new_session=True,  # a group of its own for the scheduler (`priority.stand_back`)
         )
         assert process.stdout is not None
         async for line in process.stdout:

@@ -38,9 +38,9 @@ def run_library(scenario: Path) -> Streams:
         rows["applied"].append(np.column_stack((time, a.voltage, a.current, a.charge)))
         rows["truth"].append(np.column_stack((time, t.displacement, t.polarization, t.phase_fraction)))
         rows["measurement"].append(np.column_stack((time, tick.measurement)))
-        rows["estimate"].append(
-            np.column_stack((time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance))
-        )
+        found = (e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
+        bands = (e.displacement_std, e.polarization_std, e.phase_fraction_std)
+        rows["estimate"].append(np.column_stack((time, *found, *bands)))
         if tick.reference is not None and tick.command_voltage is not None:
             name = "reference" if tick.reference.quantity == "displacement" else "voltage_reference"
             rows[name].append(np.column_stack((time, tick.reference.values)))

@@ -50,8 +50,8 @@ def observe(model: Chain, voltage: np.ndarray, measurement: np.ndarray, gain: fl
         part = slice(begin, begin + size)
         state, estimate = observer.update(model, state, time[part], voltage[part], measurement[part])
         estimates.append(estimate)
-    names = ("time", "displacement", "polarization", "phase_fraction", "innovation", "disturbance")
-    return Estimate(*(np.concatenate([getattr(e, name) for e in estimates]) for name in names))
+    names = Estimate.__dataclass_fields__
+    return Estimate(**{name: np.concatenate([getattr(e, name) for e in estimates]) for name in names})
 
 
 def test_disturbance_follows_a_step_as_a_first_order_filter() -> None:
