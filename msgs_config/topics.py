@@ -50,9 +50,14 @@ class Topic:
         """Whether it carries blocks of samples."""
         return self.type == BLOCK
 
+    @property
+    def required(self) -> tuple[str, ...]:
+        """The columns that a block must have."""
+        return self.columns[: len(self.columns) - len(self.optional)]
+
     def takes(self, columns: tuple[str, ...]) -> bool:
         """Whether a block of these columns is one of this topic."""
-        return columns == self.columns or columns == self.columns[: len(self.columns) - len(self.optional)]
+        return columns in (self.columns, self.required)
 
 
 TOPICS: dict[str, Topic] = {

@@ -172,7 +172,7 @@ class LoneAmplifier:
         self.senders["measurement"].publish(encode(TOPICS["measurement"].columns, said))
         nothing = np.zeros(SIZE)
         estimate = (block_time, truth.displacement, nothing, nothing, said[1] - truth.displacement, nothing)
-        self.senders["estimate"].publish(encode(TOPICS["estimate"].columns, estimate))
+        self.senders["estimate"].publish(encode(TOPICS["estimate"].required, estimate))
 
     def _wait_for_pace(self) -> None:
         due = self._began + (self.next_block - self._first) * SIZE / RATE
