@@ -92,7 +92,12 @@ def _plan(
     scenario = load_scenario(axis.scenario)
     drivers = load_drivers(axis.drivers) if axis.drivers else Drivers()
     rate, folder = REAL_TIME if real_time else scenario.rate, out / axis.name if one_of_many else out
-    return Plan(scenario, folder, composed, rate, duration, domain, f"/{axis.name}", drivers, not one_of_many)
+    neighbour = f"/{axis.neighbour}" if axis.neighbour else ""
+    if neighbour and rate != REAL_TIME:
+        raise BenchError(f"axis {axis.name} feels {axis.neighbour}, and only the wall clock is common: add --real-time")
+    return Plan(
+        scenario, folder, composed, rate, duration, domain, f"/{axis.name}", drivers, not one_of_many, neighbour
+    )
 
 
 def _note_end(folder: Path, outcome: Outcome, awake: bool) -> None:

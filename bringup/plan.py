@@ -34,6 +34,7 @@ class Plan:
         domain: ROS domain.
         namespace: of the axis.
         drivers: the instruments behind the amplifier and the sensor node.
+        neighbour: namespace of the axis whose motion the simulated stage feels; empty for none.
         own_recorder: whether it records itself, or another process takes this axis into the bag of all.
     """
 
@@ -46,6 +47,7 @@ class Plan:
     namespace: str = "/stage"
     drivers: Drivers = field(default_factory=Drivers)
     own_recorder: bool = True
+    neighbour: str = ""
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -112,7 +114,7 @@ def node_parameters(plan: Plan) -> dict[str, Any]:
             "limits": _values(s.limits),
             **as_parameters(plan.drivers.amplifier),
         },
-        "plant": {"chain": s.plant, "rate": plan.rate},
+        "plant": {"chain": s.plant, "rate": plan.rate, "neighbour": plan.neighbour},
         "sensor": {"chain": s.plant, **as_parameters(plan.drivers.sensor)},
         "observer": {"model": s.model, "observer": s.observer.kind, s.observer.kind: _values(s.observer)},
         "controller": {

@@ -6,11 +6,13 @@ import time
 
 from pzt_nodes.graph_node import GraphNode
 from pzt_nodes.latency import LatencyLog
+from pzt_nodes.neighbour import Neighbour
 from pzt_nodes.pace import Pace
-from pzt_nodes.parameters import declare_all, declare_rate
+from pzt_nodes.parameters import declare_all, declare_rate, declare_text
 from pzt_nodes.spin import main as run_node
 from pzt_ros.blocks import Block
 from pzt_ros.hardware.stage import Relay, SimulatedStage, Truth
+from pzt_ros.physics.signals import ABSENT
 from pzt_ros.reference import block_times
 from pzt_ros.scenario import REAL_TIME
 
@@ -35,6 +37,8 @@ class PlantNode(GraphNode):
         self._heard = time.monotonic()
         self._said: float | None = None
         self._responses = LatencyLog()
+        named = declare_text(self, "neighbour", "", "namespace of an axis whose motion this one feels")
+        self._neighbour = Neighbour(self, named) if named else None
         self.listen("applied", self._on_applied)
         self.listen_to_health(self._on_health)
         self.create_timer(0.05, self._watch)
@@ -45,7 +49,8 @@ class PlantNode(GraphNode):
             self._responses.add(self._heard - self._said)
         self._voltage = float(block["voltage_V"][-1])
         self._next_block = self.tick_of(block) + 1
-        truth = self.stage.step(block.time, block["voltage_V"])
+        neighbour = self._neighbour.along(len(block)) if self._neighbour else ABSENT
+        truth = self.stage.step(block.time, block["voltage_V"], neighbour)
         if self._pace is not None and self._enabled:
             self._pace.wait_for(float(block.time[-1]) + 1.0 / self.sample_rate)
         self._say(truth)

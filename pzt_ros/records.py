@@ -27,6 +27,7 @@ KNOWN_COLUMNS = (
     "current_A",
     "temperature_K",
     "force_N",
+    "neighbour_displacement_m",
     "reference_m",
     "command_voltage_V",
 )
@@ -112,6 +113,11 @@ class Record:
     def force(self) -> Array | None:
         """[N], where it was recorded."""
         return self.columns.get("force_N")
+
+    @property
+    def neighbour(self) -> Array | None:
+        """Displacement of another axis of the stage [m], where it was recorded."""
+        return self.columns.get("neighbour_displacement_m")
 
     @property
     def reference(self) -> Array | None:

@@ -8,16 +8,21 @@ from pathlib import Path
 from pzt_ros.records import RUN_COLUMNS, Record, read_csv
 
 
-def load_run(path: str | Path, required: Sequence[str] = RUN_COLUMNS, namespace: str = "/stage") -> Record:
+def load_run(path: str | Path, required: Sequence[str] = RUN_COLUMNS, namespace: str | None = None) -> Record:
     """A measured run out of a CSV file, a bag folder or an .mcap file, chosen by what is there.
 
-    Raises:
-        BenchError: as `read_csv` and `record_from_bag`.
-    """
-    from pzt_ros.bags.reader import record_from_bag  # a CSV file must not pay for the bag libraries
+    Of a bag of several axes it is that of `namespace`, or that in whose run folder the bag is named (`run/x/bag`), with
+    the reading of the other one, where there is one other, beside it.
 
+    Raises:
+        BenchError: as `read_csv`, `axis_of` and `record_from_bag`.
+    """
     if _is_bag(Path(path)):
-        return record_from_bag(path, namespace, [name for name in required if name != "time_s"])
+        from pzt_ros.bags.axes import axis_of, with_neighbour  # a CSV file must not pay for the bag libraries
+        from pzt_ros.bags.reader import record_from_bag
+
+        axis = namespace or axis_of(path)
+        return with_neighbour(record_from_bag(path, axis, [name for name in required if name != "time_s"]), path, axis)
     return read_csv(path, required)
 
 

@@ -176,6 +176,8 @@ def _goes_with(run: RunData, residual: Array) -> str:
     }
     if record.temperature is not None:
         signals["the temperature"] = record.temperature
+    if record.neighbour is not None:
+        signals["the neighbour's displacement"] = record.neighbour
     found = {name: _correlation(values, residual) for name, values in signals.items()}
     best = max(found, key=lambda name: abs(found[name]))
     return f"goes with {best} (correlation {found[best]:+.2f})" if abs(found[best]) > 0.3 else ""

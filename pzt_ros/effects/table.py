@@ -9,6 +9,7 @@ from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
 from pzt_ros.effects.amplifier_current_limit import AmplifierChargeLimit, AmplifierCurrentLimit
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.confounded import CONFOUNDED
+from pzt_ros.effects.cross_coupling import CrossCoupling
 from pzt_ros.effects.effect import AT_COMMAND, AT_DISPLACEMENT, AT_FIELD, AT_POLARIZATION, AT_SENSOR, Effect
 from pzt_ros.effects.leakage import Leakage
 from pzt_ros.effects.load_stiffness import LoadStiffness
@@ -113,6 +114,16 @@ EFFECTS: tuple[Effect, ...] = (
         needs=("force_N",),
         absence="nothing: it is a gain, which the strain law takes up",
         next_experiment="the same run with and without the load, or with a second spring",
+    ),
+    Effect(
+        link=CrossCoupling,
+        place=AT_DISPLACEMENT,
+        amplitude="coupling",
+        starts=_grid(coupling=(1e-4,), bend=(-1e5, 0.0, 1e5)),
+        free=("coupling", "bend"),
+        needs=("neighbour_displacement_m",),
+        absence="displacement that follows another axis of the stage, whatever its own drive does",
+        next_experiment="a rest of this axis while the other one scans, with neighbour_displacement_m recorded",
     ),
     Effect(
         link=SlowRelaxation,

@@ -9,7 +9,7 @@ import numpy as np
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR, SENSOR
-from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
+from pzt_ros.physics.signals import ABSENT, REHEARSAL, Array, Rest, Signals
 from pzt_ros.quantities import parameter
 
 
@@ -44,9 +44,9 @@ class SimulatedStage:
         self._chain = chain.section(ACTUATOR)
         self._state = self._chain.init(rest)
 
-    def step(self, time: Array, voltage: Array) -> Truth:
-        """Advance by a block of drive voltage [V]."""
-        self._state, out = self._chain.step(self._state, Signals(time, voltage))
+    def step(self, time: Array, voltage: Array, neighbour: Array = ABSENT) -> Truth:
+        """Advance by a block of drive voltage [V], beside an axis that is at `neighbour` [m], where there is one."""
+        self._state, out = self._chain.step(self._state, Signals(time, voltage, neighbour=neighbour))
         return Truth(time, out.displacement, out.polarization, out.phase_fraction)
 
     def discharge(self, time: Array, voltage: float, relay: Relay) -> tuple[Truth, float]:

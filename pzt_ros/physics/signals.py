@@ -30,6 +30,7 @@ class Signals:
         displacement: y [m]; true up to the structure, as measured after the sensor's links.
         temperature: [K], where it is known.
         force: on the stack, where it is known [N].
+        neighbour: displacement of another axis of the stage, where it is known [m].
         strain_polarization: the polarization that strains [C/m^2], where it differs from P.
     """
 
@@ -41,6 +42,7 @@ class Signals:
     temperature: Array = field(default_factory=lambda: ABSENT)
     strain_polarization: Array = field(default_factory=lambda: ABSENT)
     force: Array = field(default_factory=lambda: ABSENT)
+    neighbour: Array = field(default_factory=lambda: ABSENT)
 
     @property
     def straining(self) -> Array:

@@ -137,9 +137,9 @@ def with_own_values(chain: Chain, start: Start) -> Chain:
 
 
 def drive_of(record: Record, part: slice = slice(None)) -> Signals:
-    """What enters the chain: the recorded voltage, and temperature and force where they are known."""
+    """What enters the chain: the recorded voltage, and whatever of its surroundings is known."""
     signals = Signals(time=record.time[part], voltage=record.voltage[part])
-    known = {"temperature": record.temperature, "force": record.force}
+    known = {"temperature": record.temperature, "force": record.force, "neighbour": record.neighbour}
     return signals.replace(**{name: values[part] for name, values in known.items() if values is not None})
 
 

@@ -46,9 +46,10 @@ def run(time: np.ndarray, duration: float) -> Signals:
     phase = time / duration
     drive = np.sin(2 * np.pi * 2 * phase) * (0.6 + 0.4 * phase) + 0.1 * np.sin(2 * np.pi * 11 * phase)
     polarization = 0.15 + 0.1 * np.tanh(2 * drive)
-    return Signals(
+    signals = Signals(
         time, 60.0 + 60.0 * drive, polarization, 0.5 + 0.3 * drive, 1.8e-4 * polarization**2, 293.0 + 0.5 * phase
     )
+    return signals.replace(neighbour=3e-6 * np.cos(2 * np.pi * 3 * phase))
 
 
 def even(count: int = 400, duration: float = 0.4) -> Signals:
@@ -141,7 +142,7 @@ def test_blocks_may_be_cut_at_random(effect: Effect, start: dict[str, float]) ->
     cuts = np.sort(np.random.default_rng(5).integers(0, 400, 12))
     parts: dict[str, list[np.ndarray]] = {}
     for begin, end in zip([0, *cuts], [*cuts, 400], strict=True):
-        names = ("time", "voltage", "polarization", "displacement", "temperature")
+        names = ("time", "voltage", "polarization", "displacement", "temperature", "neighbour")
         kept = state.copy()
         after, out = link.step(state, Signals(**{name: getattr(signals, name)[begin:end] for name in names}))
         np.testing.assert_array_equal(state, kept)

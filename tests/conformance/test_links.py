@@ -16,7 +16,7 @@ from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import choices_of, parameters_of, to_si
 
-QUANTITIES = ("voltage", "polarization", "phase_fraction", "displacement", "strain_polarization")
+QUANTITIES = ("voltage", "polarization", "phase_fraction", "displacement", "strain_polarization", "neighbour")
 COUNT = 48
 STEP = 1e-3
 REST = Rest(seed=3)
@@ -60,7 +60,9 @@ def signals_of(count: int = COUNT) -> Signals:
     part = 0.5 * (1.0 - np.cos(2 * np.pi * 1.5 * np.arange(1, count + 1) / count))
     polarization = 0.1 + 0.1 * part
     signals = Signals(time, 120.0 * part - 20.0, polarization, 0.5 + 0.3 * part, 2e-6 + 8e-6 * part)
-    return signals.replace(strain_polarization=polarization + 0.02 * np.sin(9 * part))
+    return signals.replace(
+        strain_polarization=polarization + 0.02 * np.sin(9 * part), neighbour=3e-6 * np.cos(5 * part)
+    )
 
 
 def piece(signals: Signals, begin: int, end: int) -> Signals:

@@ -323,3 +323,20 @@ def test_staged_needs_no_lattice_for_effects_behind_it() -> None:
     link = EFFECT_OF["slow_relaxation"].link()
     same = dataclasses.replace(staged, chain=with_effect(staged.chain, link)).outputs(base.vector, [0])[0][0]
     np.testing.assert_array_equal(before, same)
+
+
+def beside(seed: int, coupling: float) -> Record:
+    """A run whose record has the displacement of another axis, of which a share comes through [m/m]."""
+    alone = run(seed)
+    neighbour = 2e-6 + 4e-6 * np.sin(2.0 * np.pi * (1.3 * alone.time + 0.1 * seed))
+    moved_on = alone.displacement + coupling * neighbour
+    return Record(alone.name, {**alone.columns, "displacement_m": moved_on, "neighbour_displacement_m": neighbour})
+
+
+@pytest.mark.parametrize(("coupling", "names"), [(0.01, ["cross_coupling"]), (0.0, [])])
+def test_another_axis_is_named_where_it_comes_through_and_only_there(coupling: float, names: list[str]) -> None:
+    report = diagnose([beside(1, coupling), beside(2, coupling)], [beside(3, coupling)], declared())
+    assert [effect.name for effect in report.effects] == names
+    assert report.after.test < 1.1 * NOISE
+    for effect in report.effects:
+        assert effect.parameters["coupling"]["value"] == pytest.approx(coupling, rel=0.1)

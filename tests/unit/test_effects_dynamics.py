@@ -10,6 +10,7 @@ from scipy.signal import lsim
 
 from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
 from pzt_ros.effects.amplifier_current_limit import AmplifierCurrentLimit
+from pzt_ros.effects.cross_coupling import CrossCoupling
 from pzt_ros.effects.load_stiffness import LoadStiffness
 from pzt_ros.effects.mechanical_resonance import MechanicalResonance
 from pzt_ros.effects.sensor_lag import SensorLag
@@ -242,3 +243,13 @@ def test_load_of_the_stack_s_own_stiffness_halves_the_stroke() -> None:
     half = LoadStiffness(load_stiffness=3e7, compliance=1.0 / 3e7)
     np.testing.assert_allclose(moved(half, time, y), 0.5 * y, rtol=1e-15)
     np.testing.assert_allclose(undone(half, time, 0.5 * y), y, rtol=1e-15)
+
+
+def test_what_the_neighbour_moves_comes_through_and_is_undone() -> None:
+    time, own, neighbour = np.arange(5.0), np.linspace(0.0, 1e-5, 5), np.array([0.0, 4.0, -2.0, 1.0, 8.0]) * 1e-6
+    coupled, signals = CrossCoupling(coupling=0.01, bend=1e5), Signals(time, displacement=own, neighbour=neighbour)
+    _, moved_on = coupled.step(coupled.init(Rest()), signals)
+    expected = own + 0.01 * neighbour + 0.01 * 1e5 * neighbour**2
+    np.testing.assert_allclose(moved_on.displacement, expected, rtol=1e-14)
+    _, back = coupled.invert(coupled.init(Rest()), moved_on)
+    np.testing.assert_allclose(back.displacement, own, rtol=0, atol=1e-20)
