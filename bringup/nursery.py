@@ -13,11 +13,12 @@ import multiprocessing
 import os
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BufferedReader
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import ModuleType
 from typing import NoReturn
 
 _CONTEXT = multiprocessing.get_context("forkserver")
@@ -38,7 +39,8 @@ class NodeProcess:
         self._process = _CONTEXT.Process(
             target=_be, args=(module, list(arguments), dict(environment), writer, str(log)), name=module, daemon=True
         )
-        self._process.start()
+        with _no_main_module():
+            self._process.start()
         writer.close()
         self.stdout: BufferedReader = os.fdopen(os.dup(reader.fileno()), "rb")
         reader.close()
@@ -63,6 +65,17 @@ class NodeProcess:
         """Exit code, or None if it still lives after `patience` [s]."""
         self._process.join(patience)
         return self.exit_code
+
+
+@contextlib.contextmanager
+def _no_main_module() -> Iterator[None]:
+    """multiprocessing would run the program that starts a graph once more in every fork; a node needs none of it."""
+    here = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = here
 
 
 def _be(module: str, arguments: list[str], environment: dict[str, str], stdout: Connection, log: str) -> None:
