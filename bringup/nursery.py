@@ -11,6 +11,7 @@ import ctypes
 import importlib
 import multiprocessing
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,7 +28,11 @@ _CONTEXT = multiprocessing.get_context("forkserver")
 def prepare_nursery() -> None:
     """Let the server import while this process goes on with something else."""
     _CONTEXT.set_forkserver_preload(["pzt_nodes.rehearsed"])
-    forkserver.ensure_running()
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited: Ctrl-C is for the supervisor alone
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 class NodeProcess:

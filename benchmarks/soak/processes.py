@@ -76,8 +76,8 @@ class GraphProcess:
         return next(p for p in self.nodes() if f"-m pzt_nodes.{name}" in _title(p))
 
     def interrupt(self) -> None:
-        """Ctrl-C."""
-        self.process.send_signal(signal.SIGINT)
+        """Ctrl-C, which a terminal sends to all that it has in the foreground."""
+        os.killpg(self.process.pid, signal.SIGINT)
 
     def wait(self) -> tuple[int, str]:
         """Exit code and what was said on stderr."""

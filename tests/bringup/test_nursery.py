@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -92,3 +93,16 @@ def test_the_program_that_starts_a_node_is_not_run_again_in_it(tmp_path: Path) -
         [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     assert (done.stdout, done.stderr) == ("begun\n0\n", "")
+
+
+@pytest.mark.parametrize("moment", [0.3, 0.9])
+def test_ctrl_c_while_everything_is_imported_says_nothing(tmp_path: Path, moment: float) -> None:
+    """A terminal sends it to the server as well, which has not yet begun to ignore it by itself."""
+    command = [sys.executable, "-m", "pzt_bringup", "scan", "--out", str(tmp_path / "run")]
+    program = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
+    time.sleep(moment)
+    os.killpg(program.pid, signal.SIGINT)
+    said, _ = program.communicate(timeout=PATIENCE)
+    assert "Traceback" not in said
