@@ -1,13 +1,15 @@
 """The live panel beside a graph: frames a second, what page and node cost, and what the graph's ticks notice of them.
 
-One graph follows a scan in real time; windows without a panel, with one that nobody looks at, with one whose page does
-not draw, and with one that does, take turns in the same run: what the browser takes is not the panel's. The ticks are
+One graph follows a scan in real time; windows without a panel, with one that nobody looks at, with one whose browser is
+as if on another computer (it takes every frame in, draws none, and gets what processor time the others leave), and with
+one that draws beside the graph, take turns in the same run: what a browser takes is not the panel's. The ticks are
 timed by the bag: from the plant's truth to the amplifier's answer to it.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import shutil
 import signal
@@ -32,6 +34,7 @@ from pzt_ros.errors import BenchError, RunFailedError
 from pzt_ros.panel.board import Board
 from pzt_ros.panel.feed import NodeFeed
 from pzt_ros.panel.motion import scan
+from pzt_ros.panel.priority import LOWEST
 from pzt_ros.panel.safety import waits_for
 from pzt_ros.ros_environment import ros_environment
 
@@ -41,7 +44,7 @@ FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--
 SETTLE, START_TIMEOUT = 5.0, 60.0
 """Nothing is measured for so long after a panel came or went; what is not there by then never will be [s]."""
 
-WITHOUT, UNSEEN, UNDRAWN, DRAWN = "no panel", "panel, no page", "panel, page does not draw", "panel, page draws"
+WITHOUT, UNSEEN, AWAY, DRAWN = "no panel", "panel, no page", "panel, page as if elsewhere", "panel, page draws"
 """Kinds of windows."""
 
 NO_DRAWING = "window.requestAnimationFrame = () => 0"
@@ -89,13 +92,13 @@ def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
         folder = Path(name)
         with _graph(folder) as domain:
             asyncio.run(_begin_scan(domain, folder))
-            windows: dict[str, list[Window]] = {WITHOUT: [], UNSEEN: [], UNDRAWN: [], DRAWN: []}
+            windows: dict[str, list[Window]] = {WITHOUT: [], UNSEEN: [], AWAY: [], DRAWN: []}
             for turn in range(turns):
                 for kind in windows:
                     tell(f"{kind}, {turn + 1} of {turns}")
                     with _page(domain, folder, kind != UNSEEN) if kind != WITHOUT else nullcontext() as page:
-                        if kind == UNDRAWN:
-                            page.page.evaluate(NO_DRAWING)
+                        if kind == AWAY:
+                            _send_away(page)
                         time.sleep(SETTLE)
                         windows[kind].append(_watch(page, length))
         ticks = _ticks(folder / "run" / "bag")
@@ -202,6 +205,16 @@ def _page(domain: int, folder: Path, opened: bool) -> Iterator[_Page]:
         panel.wait()
 
 
+def _send_away(page: _Page) -> None:
+    """The browser no longer draws, and its session gets the least share of time there is (sched(7), autogroup)."""
+    page.page.evaluate(NO_DRAWING)
+    for pid in page.browser:
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, pid, LOWEST)
+            if os.getsid(pid) != os.getsid(0):
+                Path(f"/proc/{pid}/autogroup").write_text(str(LOWEST), encoding="ascii")
+
+
 def _wait_for_server(port: int) -> None:
     deadline = time.monotonic() + START_TIMEOUT
     with socket.socket() as probe:
@@ -279,7 +292,7 @@ def _cost(windows: dict[str, list[Window]]) -> Table:
             kind, f"{w.pushed:.1f}", f"{w.drawn:.1f}", _percent(w.page), _percent(w.node),
             _percent(w.page + w.node), _percent(w.browser),
         )
-        for kind in (UNSEEN, UNDRAWN, DRAWN)
+        for kind in (UNSEEN, AWAY, DRAWN)
         for w in windows[kind]
     ]  # fmt: skip
     note = "Shares of one core. The browser is headless and draws in software; with a graphics card it costs less."
