@@ -30,6 +30,9 @@ from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
 DURATION, SETTLED, BLOCK = 1.2, 1.0, 500
 """Of a trial and until the observer has to have settled [s]; samples of a block."""
 
+EARLY = 0.1
+"""When half a cycle of the scan has told little of the history yet [s]."""
+
 BAND = 1.96
 """Standard deviations on each side that hold 95 % of what is normal."""
 
@@ -68,7 +71,7 @@ class Trial:
         largest: error of displacement once settled [m].
         rms: of the displacement's error once settled [m].
         inside: shares of samples within the 95 % bands, of displacement, polarization, phase fraction [-].
-        polarization_rms: error once settled [C/m^2].
+        polarization_rms, early_polarization_rms: error once settled, and in the first EARLY [C/m^2].
         sample_time: of the observer [s].
     """
 
@@ -77,6 +80,7 @@ class Trial:
     rms: float
     inside: tuple[float, float, float]
     polarization_rms: float
+    early_polarization_rms: float
     sample_time: float
 
 
@@ -134,6 +138,7 @@ def trial(model: Chain, observer: HysteresisObserver, seed: int) -> Trial:
         rms=rms(found.displacement[late] - clean[late]),
         inside=(y, p, x),
         polarization_rms=rms(found.polarization[late] - true.polarization[late]),
+        early_polarization_rms=rms((found.polarization - true.polarization)[time < EARLY]),
         sample_time=took / time.size,
     )
 
@@ -187,6 +192,8 @@ def _table(name: str, members: float, done: list[Trial]) -> Table:
         Figure("phase fraction within its 95 % band", inside[2], "% of samples", at_least),
         Figure("rms error of polarization once settled, all", 1e3 * rms(np.array([t.polarization_rms for t in done])),
                "mC/m^2"),
+        Figure(f"... in the first {EARLY:g} s, median",
+               1e3 * float(np.median([t.early_polarization_rms for t in done])), "mC/m^2"),
         Figure("time of the observer", 1e6 * float(np.median([t.sample_time for t in done])), "us a sample"),
     ]  # fmt: skip
     note = (
