@@ -25,6 +25,7 @@ SAYS = {
     "08-effect": "Missing: fringe error",
     "09-node": '"there_m": 2.9',
     "10-axes": "x: run complete; y: run complete",
+    "11-driver": "least step of the reading: 50 nm",
 }
 """Words that the commands of each page say."""
 
