@@ -50,9 +50,9 @@ def _stamp(scenario: Scenario) -> Path:
 
 
 def _digest(scenario: Scenario) -> str:
-    """Of all that decides which functions are called."""
+    """Of all that decides which functions are called, and of where they stand: Numba goes by the path, too."""
     parts = load_chain(scenario.plant).links, load_model(scenario.model).links, scenario.observer, scenario.controllers
-    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+    return hashlib.sha256(repr((__file__, parts)).encode()).hexdigest()[:16]
 
 
 def main() -> None:

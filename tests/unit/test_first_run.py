@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pzt_ros import first_run
 from pzt_ros.first_run import compile_once
 from pzt_ros.loop import InProcessLoop
 from pzt_ros.scenario import load_scenario
@@ -51,3 +52,16 @@ def test_warming_up_moves_nothing() -> None:
         assert after[0] is not None
         assert after[1] is not None
         first, second = after
+
+
+def test_another_checkout_of_the_same_sources_compiles_for_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba's folder is named by what the sources are, and within it code is kept by where they stand."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(InProcessLoop, "warm_up", lambda _: None)
+    told: list[str] = []
+    compile_once(load_scenario("scan"), told.append)
+    monkeypatch.setattr(first_run, "__file__", "/elsewhere/pzt_ros/first_run.py")
+    compile_once(load_scenario("scan"), told.append)
+    assert len(told) == 2
