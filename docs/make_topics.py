@@ -17,7 +17,7 @@ Written by `python docs/make_topics.py` from `msgs_config/topics.py`. Names are 
 A **block** is a `std_msgs/Float64MultiArray` with `layout.dim = [("sample", N, N*C), ("time_s,voltage_V,...", C, C)]`:
 row-major, one row per sample, the columns named in the second label, `time_s` first. Time is the run's own: the first
 sample of block 0 is at 0 s. A block of another size or with other columns is refused, counted and named in
-`/diagnostics`; only the standard deviations of `estimate` may be left out, by an observer of one's own.
+`/diagnostics`; the standard deviations of `estimate` are left out by an observer that has none.
 
 """
 

@@ -25,7 +25,7 @@ class Topic:
         publisher: the node that publishes it; "*" for every node, "operator" for whoever is outside the graph.
         subscribers: the nodes that need it (the recorder takes all that is `logged`).
         columns: of a block; empty for other messages.
-        optional: the last of them, which a foreign sender may leave out.
+        optional: the last of them, which a sender that has none leaves out.
         qos: name of a profile in `qos.py`.
         rate: how often it is said, for people.
         description: one line, for people.
@@ -55,9 +55,10 @@ class Topic:
         """The columns that a block must have."""
         return self.columns[: len(self.columns) - len(self.optional)]
 
-    def takes(self, columns: tuple[str, ...]) -> bool:
-        """Whether a block of these columns is one of this topic."""
-        return columns in (self.columns, self.required)
+    @property
+    def layouts(self) -> tuple[tuple[str, ...], ...]:
+        """The columns of a block, in every way in which it may be said."""
+        return (self.columns, self.required) if self.optional else (self.columns,)
 
 
 TOPICS: dict[str, Topic] = {
@@ -83,7 +84,7 @@ TOPICS: dict[str, Topic] = {
               ("time_s", "displacement_m", "polarization_C_per_m2", "phase_fraction", "innovation_m", "disturbance_m",
                "displacement_std_m", "polarization_std_C_per_m2", "phase_fraction_std"),
               optional=("displacement_std_m", "polarization_std_C_per_m2", "phase_fraction_std"),
-              description="the observer's view of the block just measured; a standard deviation it lacks is NaN"),
+              description="the observer's view of the block just measured; standard deviations where it has them"),
         Topic("joint_trajectory", JOINT_TRAJECTORY, "operator", ("experiment",), rate="on demand",
               description="positions [m] at times, for the scenario `manual`; a new one replaces the present one"),
         Topic("joint_states", JOINT_STATE, "sensor", (), rate="at most 100 Hz",

@@ -12,7 +12,7 @@ from pzt_config.topics import TOPICS
 from pzt_nodes.graph_node import GraphNode
 from pzt_nodes.messages import TYPES, foreign_block
 from pzt_ros.blocks import Block, BlockError
-from pzt_ros.wire import decode
+from pzt_ros.wire import decode_one_of
 
 
 class Ears:
@@ -41,8 +41,8 @@ class Ears:
         for name, subscription in self._subscriptions.items():
             for data in taken(subscription):
                 with contextlib.suppress(BlockError):
-                    block = decode(data, TOPICS[name].columns, self._block_size) or foreign_block(data)
-                    if TOPICS[name].takes(block.columns):
+                    block = decode_one_of(data, TOPICS[name].layouts, self._block_size) or foreign_block(data)
+                    if block.columns in TOPICS[name].layouts:
                         yield name, block
 
     def close(self) -> None:

@@ -27,7 +27,7 @@ from pzt_ros.chains import load_chain, load_model
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Rest
 from pzt_ros.scenario import Timing
-from pzt_ros.wire import decode, encode
+from pzt_ros.wire import decode_one_of, encode
 
 SETTLE_TIME = 0.5
 """Readers are given this long [s] to have all: DDS asks them for what they lack only every 3 s, so mostly it is all."""
@@ -97,11 +97,11 @@ class GraphNode(Node):
 
         def receive(data: bytes) -> None:
             try:
-                block = decode(data, topic.columns, self.block_size) or foreign_block(data)
+                block = decode_one_of(data, topic.layouts, self.block_size) or foreign_block(data)
             except BlockError as error:
                 self.refuse(name, str(error))
                 return
-            if not topic.takes(block.columns):
+            if block.columns not in topic.layouts:
                 self.refuse(name, f"columns are {','.join(block.columns)}, expected {','.join(topic.columns)}")
                 return
             callback(block)
@@ -131,8 +131,9 @@ class GraphNode(Node):
         self.get_logger().warning(f"message on '{name}' refused: {why}", throttle_duration_sec=1.0)
 
     def publish(self, name: str, *arrays: NDArray[np.float64]) -> None:
-        """Publish a block: one array per column of the table."""
-        self._publishers_by_topic[name].publish(encode(TOPICS[name].columns, arrays))
+        """Publish a block: one array per column of the table, without its optional ones where there are none."""
+        columns = next(columns for columns in TOPICS[name].layouts if len(columns) == len(arrays))
+        self._publishers_by_topic[name].publish(encode(columns, arrays))
 
     def plot(self, name: str, time_s: float, make: Callable[[], Any]) -> None:
         """Publish on a decimated topic, unless its last message is younger than 1/50 s of the run's own time."""

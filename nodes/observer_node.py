@@ -39,10 +39,9 @@ class ObserverNode(GraphNode):
     def _on_tick(self, _tick: int, parts: dict[str, Any]) -> None:
         self.ticks += 1
         self._state, e = self.observer.correct(self._state, parts["predicted"], parts["measurement"]["displacement_m"])
-        self.publish(
-            "estimate", e.time, e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance,
-            e.displacement_std, e.polarization_std, e.phase_fraction_std,
-        )  # fmt: skip
+        bands = (e.displacement_std, e.polarization_std, e.phase_fraction_std) if e.displacement_std.size else ()
+        found = (e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
+        self.publish("estimate", e.time, *found, *bands)
 
     def health(self) -> tuple[str, str, dict[str, object]]:
         """What the observer has to say of its readings."""

@@ -95,11 +95,12 @@ class PanelNode(GraphNode):
 
     def _add(self, name: str, data: bytes) -> None:
         try:
-            block = decode_any(data, TOPICS[name].columns) or foreign_block(data)
+            layouts = TOPICS[name].layouts
+            block = next(filter(None, (decode_any(data, columns) for columns in layouts)), None) or foreign_block(data)
         except BlockError:
             self.counts[f"refused on {name}"] += 1
             return
-        if TOPICS[name].takes(block.columns) and len(block):
+        if block.columns in layouts and len(block):
             self._frames.add(name, block)
         else:
             self.counts[f"refused on {name}"] += 1

@@ -57,7 +57,6 @@ class DisturbanceObserver(Observer):
         time, residual = predicted.time, measurement - predicted.displacement
         step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else max(float(time[0]) - state.time, 0.0)
         found, disturbance, innovation = _follow(residual, state.disturbance, 1.0 - math.exp(-self.gain * step))
-        unknown = np.full_like(time, math.nan)
         estimate = Estimate(
             time,
             predicted.displacement + disturbance,
@@ -65,9 +64,6 @@ class DisturbanceObserver(Observer):
             predicted.phase_fraction,
             innovation,
             disturbance,
-            displacement_std=unknown,
-            polarization_std=unknown,
-            phase_fraction_std=unknown,
         )
         return DisturbanceState(state.model, found, float(time[-1])), estimate
 

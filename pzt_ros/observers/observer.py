@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,7 +23,7 @@ class Estimate:
         phase_fraction: [-].
         innovation: measurement minus the observer's one-step prediction [m]; 0 where nothing was measured.
         disturbance: what the model lacks, as a displacement [m].
-        displacement_std, polarization_std, phase_fraction_std: standard deviations; NaN where the observer has none.
+        displacement_std, polarization_std, phase_fraction_std: standard deviations; empty where the observer has none.
     """
 
     time: Array
@@ -32,9 +32,9 @@ class Estimate:
     phase_fraction: Array
     innovation: Array
     disturbance: Array
-    displacement_std: Array
-    polarization_std: Array
-    phase_fraction_std: Array
+    displacement_std: Array = field(default_factory=lambda: ABSENT)
+    polarization_std: Array = field(default_factory=lambda: ABSENT)
+    phase_fraction_std: Array = field(default_factory=lambda: ABSENT)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,7 @@ def run_library(scenario: Path) -> Streams:
         rows["truth"].append(np.column_stack((time, t.displacement, t.polarization, t.phase_fraction)))
         rows["measurement"].append(np.column_stack((time, tick.measurement)))
         found = (e.displacement, e.polarization, e.phase_fraction, e.innovation, e.disturbance)
-        bands = (e.displacement_std, e.polarization_std, e.phase_fraction_std)
+        bands = (e.displacement_std, e.polarization_std, e.phase_fraction_std) if e.displacement_std.size else ()
         rows["estimate"].append(np.column_stack((time, *found, *bands)))
         if tick.reference is not None and tick.command_voltage is not None:
             name = "reference" if tick.reference.quantity == "displacement" else "voltage_reference"
@@ -82,3 +82,14 @@ def test_another_seed_gives_other_noise(scenario: Path, separate: Streams) -> No
     other = write(scenario.parent.parent, SHORT.replace("seed: 7", "seed: 8"))
     streams = run_library(other)
     assert not np.array_equal(streams["measurement"], separate["measurement"])
+
+
+def test_an_observer_with_bands_says_them_and_goes_by_the_charge(tmp_path: Path) -> None:
+    observer = "observer: {observer: hysteresis, members: 4, charge_noise_rms: 0.1 uC}\nphases:"
+    scenario = write(tmp_path, SHORT.split("  - {phase: scan")[0].replace("phases:", observer))
+    streams, library = run_graph(scenario, tmp_path / "graph", "--composed"), run_library(scenario)
+    np.testing.assert_array_equal(streams["estimate"], library["estimate"])
+    assert streams["estimate"].shape[1] == 9
+    assert np.all(np.isfinite(streams["estimate"]))
+    without = run_library(write(tmp_path, scenario.read_text(encoding="utf-8").replace("0.1 uC", "0 C")))
+    assert np.median(streams["estimate"][:, 7]) < np.median(without["estimate"][:, 7])  # of the polarization
