@@ -67,8 +67,8 @@ class Child:
         """Send the first, friendly signal."""
         self._process.send_signal(ESCALATION[0][0])
 
-    def stop(self) -> int | None:
-        """See to it that the process is gone; returns its exit code."""
+    def stop(self) -> None:
+        """See to it that the process is gone."""
         for number, patience in ESCALATION:
             self._process.send_signal(number)
             if self._process.wait(patience) is not None:
@@ -76,11 +76,3 @@ class Child:
         self._listener.join(1.0)
         self._process.stdout.close()
         self._log.close()
-        return self.exit_code
-
-    def wait_stopped(self, patience: float) -> bool:
-        """Wait for the process to end by itself; whether it did within `patience` [s]."""
-        deadline = time.monotonic() + patience
-        while self.exit_code is None and time.monotonic() < deadline:
-            time.sleep(0.01)
-        return self.exit_code is not None

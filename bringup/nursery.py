@@ -64,7 +64,8 @@ class NodeProcess:
     def send_signal(self, number: int) -> None:
         """Where there is still somebody to get it."""
         if self.exit_code is None:
-            os.kill(self.pid, number)
+            with contextlib.suppress(ProcessLookupError):  # it ended, and its server has not told yet
+                os.kill(self.pid, number)
 
     def wait(self, patience: float | None = None) -> int | None:
         """Exit code, or None if it still lives after `patience` [s]."""

@@ -7,6 +7,7 @@ names its columns (docs/topics.md). Publishers and subscribers are the nodes of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 BLOCK = "std_msgs/msg/Float64MultiArray"
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -55,7 +56,7 @@ class Topic:
         """The columns that a block must have."""
         return self.columns[: len(self.columns) - len(self.optional)]
 
-    @property
+    @cached_property
     def layouts(self) -> tuple[tuple[str, ...], ...]:
         """The columns of a block, in every way in which it may be said."""
         return (self.columns, self.required) if self.optional else (self.columns,)

@@ -10,9 +10,8 @@ from rclpy.node import Node
 
 from pzt_config.topics import TOPICS
 from pzt_nodes.graph_node import GraphNode
-from pzt_nodes.messages import TYPES, foreign_block
+from pzt_nodes.messages import TYPES, block_of
 from pzt_ros.blocks import Block, BlockError
-from pzt_ros.wire import decode_one_of
 
 
 class Ears:
@@ -41,9 +40,7 @@ class Ears:
         for name, subscription in self._subscriptions.items():
             for data in taken(subscription):
                 with contextlib.suppress(BlockError):
-                    block = decode_one_of(data, TOPICS[name].layouts, self._block_size) or foreign_block(data)
-                    if block.columns in TOPICS[name].layouts:
-                        yield name, block
+                    yield name, block_of(TOPICS[name], data, self._block_size)
 
     def close(self) -> None:
         """Stop listening."""

@@ -20,14 +20,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pzt_config.qos import QOS
 from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
-from pzt_nodes.messages import TYPES, diagnostics, foreign_block, status_of
+from pzt_nodes.messages import TYPES, block_of, diagnostics, status_of
 from pzt_nodes.parameters import declare_all, declare_text
 from pzt_ros.blocks import Block, BlockError
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Rest
 from pzt_ros.scenario import Timing
-from pzt_ros.wire import decode_one_of, encode
+from pzt_ros.wire import encode
 
 SETTLE_TIME = 0.5
 """Readers are given this long [s] to have all: DDS asks them for what they lack only every 3 s, so mostly it is all."""
@@ -97,12 +97,9 @@ class GraphNode(Node):
 
         def receive(data: bytes) -> None:
             try:
-                block = decode_one_of(data, topic.layouts, self.block_size) or foreign_block(data)
+                block = block_of(topic, data, self.block_size)
             except BlockError as error:
                 self.refuse(name, str(error))
-                return
-            if block.columns not in topic.layouts:
-                self.refuse(name, f"columns are {','.join(block.columns)}, expected {','.join(topic.columns)}")
                 return
             callback(block)
 

@@ -14,10 +14,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE, JOINT_TRAJECTORY
+from pzt_config.topics import BLOCK, DIAGNOSTICS, FLOAT, JOINT_STATE, JOINT_TRAJECTORY, Topic
 from pzt_ros.blocks import Block, BlockError, read_block
 from pzt_ros.errors import BenchError
 from pzt_ros.experiments.trajectory import Trajectory
+from pzt_ros.wire import decode, decode_any
 
 TYPES = {
     BLOCK: Float64MultiArray,
@@ -45,6 +46,22 @@ def foreign_block(data: bytes) -> Block:
     except Exception as error:  # rclpy raises RuntimeError and others; all mean that it is no message
         raise BlockError(f"not a Float64MultiArray: {error}") from error
     return read_block(message)
+
+
+def block_of(topic: Topic, data: bytes, count: int = 0) -> Block:
+    """The block of a topic in bytes, of `count` samples where that is known; quick where one of our nodes wrote it.
+
+    Raises:
+        BlockError: it is no block, or one of other columns.
+    """
+    for columns in topic.layouts:
+        block = decode(data, columns, count) if count else decode_any(data, columns)
+        if block is not None:
+            return block
+    block = foreign_block(data)
+    if block.columns not in topic.layouts:
+        raise BlockError(f"columns are {','.join(block.columns)}, expected {','.join(topic.columns)}")
+    return block
 
 
 def trajectory(data: bytes) -> Trajectory:

@@ -8,10 +8,9 @@ import numpy as np
 
 from pzt_config.topics import TOPICS
 from pzt_nodes.graph_node import GraphNode
-from pzt_nodes.messages import TYPES, foreign_block
+from pzt_nodes.messages import TYPES, block_of
 from pzt_ros.blocks import BlockError
 from pzt_ros.physics.signals import Array
-from pzt_ros.wire import decode_any
 
 
 class Neighbour:
@@ -26,8 +25,7 @@ class Neighbour:
 
     def _hear(self, data: bytes) -> None:
         with contextlib.suppress(BlockError):  # its own observers complain of what is no block
-            block = decode_any(data, self._topic.columns) or foreign_block(data)
-            self._there = float(block["displacement_m"][-1])
+            self._there = float(block_of(self._topic, data)["displacement_m"][-1])
 
     def along(self, count: int) -> Array:
         """Its displacement over the next block, from where it was felt last [m, shape (count,)]."""

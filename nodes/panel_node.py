@@ -21,7 +21,7 @@ from rclpy.serialization import deserialize_message
 from pzt_config.topics import TOPICS
 from pzt_nodes.ears import taken
 from pzt_nodes.graph_node import GraphNode
-from pzt_nodes.messages import TYPES, foreign_block
+from pzt_nodes.messages import TYPES, block_of
 from pzt_nodes.panel_requests import Requests
 from pzt_nodes.parameters import declare_text
 from pzt_nodes.spin import main as run_node
@@ -29,7 +29,6 @@ from pzt_ros.blocks import BlockError
 from pzt_ros.panel.frames import SOURCES, Frames
 from pzt_ros.panel.priority import stand_back
 from pzt_ros.panel.replay import health_of
-from pzt_ros.wire import decode_any
 
 FRAME = 0.05
 """Between two frames [s]: 20 a second."""
@@ -95,14 +94,8 @@ class PanelNode(GraphNode):
 
     def _add(self, name: str, data: bytes) -> None:
         try:
-            layouts = TOPICS[name].layouts
-            block = next(filter(None, (decode_any(data, columns) for columns in layouts)), None) or foreign_block(data)
+            self._frames.add(name, block_of(TOPICS[name], data))
         except BlockError:
-            self.counts[f"refused on {name}"] += 1
-            return
-        if block.columns in layouts and len(block):
-            self._frames.add(name, block)
-        else:
             self.counts[f"refused on {name}"] += 1
 
     def _health(self, data: bytes) -> list[dict[str, Any]]:

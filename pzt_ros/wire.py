@@ -47,11 +47,6 @@ def decode(data: bytes, columns: tuple[str, ...], count: int) -> Block | None:
     return Block.unchecked(columns, np.frombuffer(data, dtype="<f8", offset=len(head)).reshape(count, len(columns)))
 
 
-def decode_one_of(data: bytes, layouts: tuple[tuple[str, ...], ...], count: int) -> Block | None:
-    """The block in `data`, whichever of these columns it has; or None, as `decode` has it."""
-    return next((block for columns in layouts if (block := decode(data, columns, count)) is not None), None)
-
-
 def decode_any(data: bytes, columns: tuple[str, ...]) -> Block | None:
     """The block of these columns in `data`, however many samples it has; or None, as `decode` has it."""
     count, rest = divmod(len(data) - len(prefix(columns, 1)), 8 * len(columns))

@@ -19,10 +19,12 @@ def load_run(path: str | Path, required: Sequence[str] = RUN_COLUMNS, namespace:
     """
     if _is_bag(Path(path)):
         from pzt_ros.bags.axes import axis_of, with_neighbour  # a CSV file must not pay for the bag libraries
-        from pzt_ros.bags.reader import record_from_bag
+        from pzt_ros.bags.reader import open_bag, record_from_bag
 
-        axis = namespace or axis_of(path)
-        return with_neighbour(record_from_bag(path, axis, [name for name in required if name != "time_s"]), path, axis)
+        bag = open_bag(path)
+        axis = namespace or axis_of(bag, path)
+        record = record_from_bag(path, axis, [name for name in required if name != "time_s"])
+        return with_neighbour(record, bag, axis)
     return read_csv(path, required)
 
 

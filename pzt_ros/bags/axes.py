@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pzt_ros.bags.reader import Bag, open_bag
+from pzt_ros.bags.reader import Bag
 from pzt_ros.blocks import read_block
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
@@ -16,13 +16,13 @@ from pzt_ros.records import Record
 _MEASUREMENT = "/measurement"
 
 
-def axis_of(path: str | Path) -> str:
+def axis_of(bag: Bag, path: str | Path) -> str:
     """The namespace of the axis that was recorded; of several, that in whose run folder the bag was named.
 
     Raises:
-        BenchError: as `open_bag`; several axes, and the path says none of them.
+        BenchError: several axes, and the path says none of them.
     """
-    axes = _axes(open_bag(path))
+    axes = _axes(bag)
     if len(axes) < 2:
         return axes[0] if axes else "/stage"  # whose topics are then said to be missing
     named = f"/{Path(path).absolute().parent.name}"
@@ -32,12 +32,11 @@ def axis_of(path: str | Path) -> str:
     raise BenchError(f"{path}: a bag of the axes {', '.join(axes)}; name one, as {folders}")
 
 
-def with_neighbour(record: Record, path: str | Path, namespace: str) -> Record:
+def with_neighbour(record: Record, bag: Bag, namespace: str) -> Record:
     """The record with the reading of the other axis as `neighbour_displacement_m`, where there is one other axis.
 
     Axes have no time in common but that of the recorder, so it is right to within a block.
     """
-    bag = open_bag(path)
     others = [axis for axis in _axes(bag) if axis != namespace]
     if len(others) != 1:
         return record
@@ -54,11 +53,11 @@ def _axes(bag: Bag) -> list[str]:
 
 
 def _course(bag: Bag, namespace: str) -> tuple[Array, Array, Array]:
-    """Run time at the end of each block [s], the recorder's time [s], and the mean reading of that block [m]."""
+    """Mean run time of each block [s], when it was recorded [s], and its mean reading [m]; [each of shape (n,)]."""
     time, clock, displacement = [], [], []
     for when, message in bag.messages(namespace + _MEASUREMENT):
         block = read_block(message)
-        time.append(block.time[-1])
+        time.append(block.time.mean())
         clock.append(when * 1e-9)
         displacement.append(block["displacement_m"].mean())
     return np.array(time), np.array(clock), np.array(displacement)

@@ -84,6 +84,11 @@ class HysteresisState:
                 raise BenchError(f"saved observer state: '{name}' is missing; save it with as_dict()")
         links = [saved[f"link_{number}"] for number in range(sum(name.startswith("link_") for name in saved))]
         members = tuple(tuple(np.array(link[j]) for link in links) for j in range(len(links[0]) if links else 0))
+        if members and saved["mean"].shape != (HISTORY + len(members),):
+            raise BenchError(
+                f"saved observer state: {saved['mean'].size} states for {len(members)} histories, expected"
+                f" {HISTORY + len(members)}; it is of another version, start without it"
+            )
         time, voltage, seed = saved["rest"]
         arrays = (np.array(saved[name], dtype=np.float64) for name in ("mean", "covariance", "notes"))
         return cls(Rest(float(time), float(voltage), int(seed)), members, *arrays)

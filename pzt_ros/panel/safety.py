@@ -94,5 +94,7 @@ def waits_for(health: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _members(health: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The nodes of the graph, as the amplifier has them, which no panel is; in an old bag all that speak."""
-    named = health.get("amplifier", {}).get("values", {}).get("nodes", "")
+    if "amplifier" not in health:
+        return ["amplifier"]  # who else there should be is not known before it has said so
+    named = health["amplifier"]["values"].get("nodes", "")
     return named.split(",") if named else list(health)

@@ -241,6 +241,9 @@ def test_it_goes_on_from_a_saved_state(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), err_msg=field.name)
     with pytest.raises(BenchError, match="saved observer state: 'mean' is missing"):
         HysteresisState.of({"rest": np.zeros(3)})
+    shorter = {**state.as_dict(), "mean": state.mean[1:]}
+    with pytest.raises(BenchError, match="it is of another version, start without it"):
+        HysteresisState.of(shorter)
 
 
 def test_a_drift_is_found_with_its_uncertainty() -> None:

@@ -197,6 +197,11 @@ def test_whatever_forbids_enabling_is_on_the_banner(
     assert ("Enable lets it follow" in shown.reason) == (not problem)
 
 
+def test_before_the_amplifier_was_heard_nobody_knows_who_else_there_should_be() -> None:
+    """A graph that starts: one node is there and ready, and enabled now its first block would reach nobody."""
+    assert in_the_way({"controller": READY}, YOUNG) == "not yet: not heard yet: amplifier"
+
+
 @pytest.mark.parametrize(("rate", "words"), [("200.4", "running, 200/s"), ("", "running"), ("often", "running")])
 def test_a_node_is_shown_with_its_rate_where_it_has_one(rate: str, words: str) -> None:
     assert node_words({"level": "ok", "text": "running", "values": {"ticks_per_second": rate}}) == words
