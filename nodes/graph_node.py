@@ -61,7 +61,7 @@ class GraphNode(Node):
         )
         self._report_to_supervisor = os.environ.get("PZT_STATUS") == "1"  # set by bringup: a line of JSON on stdout
         self._last_report = (time.monotonic(), 0)
-        self.get_logger().debug("starting")  # the first line of a process costs 70 ms; not in the middle of a run
+        self.get_logger().info("starting")  # the first line of a process costs up to 70 ms; not in the middle of a run
         self._was_ready = False
         self.create_timer(1.0, self._report)
         self._readiness_timer = self.create_timer(0.05, self._watch_readiness)
