@@ -10,14 +10,14 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 COLUMNS = ("time_s", "voltage_V", "current_A", "charge_C")
-SAMPLES = 100
 
 
-def serve(index: int, hops: int, ticks: int, period: float, composed: bool) -> None:
+def serve(index: int, hops: int, ticks: int, period: float, composed: bool, samples: int) -> None:
     """Be one node of the ring, or all of them; node 0 starts the rounds and prints how long they took [us]."""
     import rclpy
     from rclpy.executors import ExternalShutdownException
@@ -31,7 +31,7 @@ def serve(index: int, hops: int, ticks: int, period: float, composed: bool) -> N
 
     rclpy.init()
     executor, done = EventsExecutor(), Future()
-    data = encode(COLUMNS, tuple(np.zeros(SAMPLES) for _ in COLUMNS))
+    data = encode(COLUMNS, tuple(np.zeros(samples) for _ in COLUMNS))
     rounds: list[float] = []
     sent = [0.0]
 
@@ -82,10 +82,21 @@ def serve(index: int, hops: int, ticks: int, period: float, composed: bool) -> N
         print(" ".join(f"{1e6 * r:.1f}" for r in rounds[min(50, ticks // 10) :]))
 
 
-def run_ring(hops: int, ticks: int, period: float, composed: bool, environment: dict[str, str]) -> np.ndarray:
-    """Durations of the rounds of a ring [us]; `period` 0 is as fast as possible, otherwise seconds."""
-    command = [sys.executable, "-m", "pzt_benchmarks.bare_loop"]
-    arguments = [str(hops), str(ticks), str(period), str(int(composed))]
+def run_ring(
+    hops: int,
+    ticks: int,
+    period: float,
+    composed: bool,
+    environment: dict[str, str],
+    samples: int = 100,
+    prefix: Sequence[str] = (),
+) -> np.ndarray:
+    """Durations of the rounds of a ring [us]; `period` 0 is as fast as possible, otherwise seconds.
+
+    `samples` are those of the block that goes round; `prefix` goes before every command (`chrt -r 10`).
+    """
+    command = [*prefix, sys.executable, "-m", "pzt_benchmarks.bare_loop"]
+    arguments = [str(hops), str(ticks), str(period), str(int(composed)), str(samples)]
     others = [] if composed else range(1, hops)
     helpers = [subprocess.Popen([*command, str(n), *arguments], env=environment) for n in others]
     try:
@@ -100,4 +111,5 @@ def run_ring(hops: int, ticks: int, period: float, composed: bool, environment: 
 
 
 if __name__ == "__main__":
-    serve(int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4]), sys.argv[5] == "1")
+    index, hops, ticks = map(int, sys.argv[1:4])
+    serve(index, hops, ticks, float(sys.argv[4]), sys.argv[5] == "1", int(sys.argv[6]))

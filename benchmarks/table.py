@@ -8,7 +8,8 @@ from typing import Any
 
 MET, NOT_MET = "met", "**not met**"
 
-TICKS, PHYSICS = "One closed-loop tick (100 samples at 20 kHz)", "The physics against its targets"
+TICKS, PACED = "One closed-loop tick (100 samples at 20 kHz)", "Ticks in real time"
+PHYSICS = "The physics against its targets"
 """Titles of the tables that the README takes its rows from."""
 
 

@@ -28,7 +28,7 @@ def bring_up(
     duration: Annotated[
         float | None, typer.Option(help="end after this many seconds: the run's own, or the wall clock's if manual")
     ] = None,
-    composed: Annotated[bool, typer.Option(help="all nodes in one process")] = False,
+    composed: Annotated[bool, typer.Option(help="the loop in one process, the recorder in another")] = False,
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
     domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",

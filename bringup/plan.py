@@ -28,7 +28,7 @@ class Plan:
     Attributes:
         scenario: what is done.
         folder: of the run; bag, logs, parameters and `run.json` go there.
-        composed: all nodes in one process.
+        composed: the loop in one process, the recorder in another.
         rate: "as fast as possible" or "real time".
         duration: cut the scenario after this time [s]; None for its full length.
         domain: ROS domain.

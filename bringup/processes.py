@@ -32,8 +32,9 @@ SEPARATE = tuple(ProcessRow(node, f"pzt_nodes.{node}_node", (node,)) for node in
 
 
 def composed(nodes: tuple[str, ...]) -> tuple[ProcessRow, ...]:
-    """All of them in one process."""
-    return (ProcessRow("graph", "pzt_nodes.composed", nodes),)
+    """The loop in one process, its recorder in another: writing a batch of messages takes longer than a tick."""
+    recorder = tuple(row for row in SEPARATE if row.nodes == ("recorder",) and "recorder" in nodes)
+    return (*recorder, ProcessRow("graph", "pzt_nodes.composed", tuple(n for n in nodes if n != "recorder")))
 
 
 STOP_ORDER = (("experiment", "controller", "amplifier"), ("observer", "sensor", "plant", "graph"), ("recorder",))

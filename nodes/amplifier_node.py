@@ -22,8 +22,9 @@ from pzt_ros.hardware.table import AMPLIFIERS, find_amplifier
 from pzt_ros.hardware.watch import Watch
 from pzt_ros.scenario import REAL_TIME
 
-LOOK_PERIOD = 0.02
-"""Measurement, estimate and the number of senders are looked at this often [s]."""
+LOOK_PERIOD, LOOK_BLOCKS = 0.02, 4
+"""Measurement, estimate and the number of senders are looked at this often [s], or after so many blocks: with short
+blocks there would be more to read at once than a tick leaves time for."""
 ON_ITS_WAY = 0.5
 """A command that comes so soon after commands are no longer followed was sent before its sender could know [s]."""
 
@@ -57,7 +58,8 @@ class AmplifierNode(ManagedNode):
         self.create_service(Trigger, "reset", self._on_reset)
         self.create_service(Trigger, "discharge", self._on_discharge)
         self.create_timer(self.block_size / self.sample_rate, self._watch)
-        self.create_timer(LOOK_PERIOD, self._look)
+        self._look_period = min(LOOK_PERIOD, LOOK_BLOCKS * self.block_size / self.sample_rate)
+        self.create_timer(self._look_period, self._look)
         on_change(self, self._on_parameters)
         self.start()
 
@@ -125,7 +127,7 @@ class AmplifierNode(ManagedNode):
         """Every block period on the wall clock: the watchdog, and the ramp to 0 V."""
         amplifier = self.amplifier
         now = time.monotonic()
-        if self.watch.unmeasured(now) > 2 * LOOK_PERIOD:  # nobody is blamed for what has only not been looked at
+        if self.watch.unmeasured(now) > 2 * self._look_period:  # nobody is blamed for what has only not been looked at
             self._look()
         self.watch.look(now)
         if amplifier.state == RAMPING:

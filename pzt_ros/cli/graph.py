@@ -45,7 +45,7 @@ def run(
     scenario: Annotated[str, typer.Argument(help="scenario: shipped name or path of a YAML file")] = "scan",
     out: Out = None,
     duration: Annotated[float | None, typer.Option(help="end the scenario after this many seconds of its own")] = None,
-    composed: Annotated[bool, typer.Option(help="all nodes in one process")] = False,
+    composed: Annotated[bool, typer.Option(help="the loop in one process, the recorder in another")] = False,
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
     domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",

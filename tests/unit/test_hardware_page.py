@@ -116,8 +116,9 @@ def test_a_graph_without_a_plant_says_so_to_its_nodes(tmp_path: Path) -> None:
     assert parameters["/stage/sensor"]["ros__parameters"]["replay"]["record"] == "run.csv"
     assert parameters["/stage/amplifier"]["ros__parameters"]["driver"] == "simulated"
     assert "plant" not in [row.name for row in plan.processes]
-    (row,) = dataclasses.replace(plan, composed=True).processes
-    assert row.words == row.nodes == tuple(process.name for process in plan.processes)
+    recorder, loop = dataclasses.replace(plan, composed=True).processes
+    assert (*recorder.nodes, *loop.nodes) == tuple(process.name for process in plan.processes)
+    assert loop.words == loop.nodes
 
 
 def test_a_drivers_file_that_is_not_there_is_named(tmp_path: Path) -> None:
