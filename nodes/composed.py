@@ -1,4 +1,4 @@
-"""Nodes in one process: the same nodes, ticks twenty times as fast, and one crash takes all with it.
+"""Nodes in one process: the same nodes, quicker ticks, and one crash takes all with it.
 
 `python -m pzt_nodes.composed [NODE...] [--ros-args ...]`: those that are named, or all.
 """

@@ -191,7 +191,7 @@ def cores(count: int = 0, load: float | None = None) -> Finding:
     load = os.getloadavg()[0] if load is None else load
     found = f"{count} cores, load {load:.1f}"
     if count < 2:
-        return Finding("cores", NOTE, found, "run the graph in one process: pzt run --composed")
+        return Finding("cores", NOTE, found, "run the loop in one process: pzt run --composed")
     if load > count:
         return Finding("cores", NOTE, found, "other jobs fill this machine: blocks will come late in real time")
     return Finding("cores", OK, found)
