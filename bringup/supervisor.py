@@ -72,7 +72,7 @@ class Supervisor:
                     self._show(self.status())
             finally:
                 self.stop()
-        return Outcome(outcome.exit_code, outcome.sentence, self.status())
+        return Outcome(outcome.exit_code, outcome.sentence + self._bad_ends(outcome.sentence), self.status())
 
     def start(self) -> None:
         """Start every process of the plan."""
@@ -102,6 +102,15 @@ class Supervisor:
         if code == 2 or (dead == [last] and code == 1):
             return Outcome(code, self._last_words(dead[0]))
         return Outcome(1, f"process '{dead[0]}' died ({_how(code)}); {safe}; see {self.plan.log(dead[0])}")
+
+    def _bad_ends(self, said: str) -> str:
+        """Processes that crashed or were killed after all, which nobody would notice otherwise; SIGTERM is ours."""
+        codes = {name: child.exit_code or 0 for name, child in self._children.items()}
+        return "".join(
+            f"; process '{name}' ended badly ({_how(code)}), see {self.plan.log(name)}"
+            for name, code in codes.items()
+            if code < 0 and code != -signal.SIGTERM and f"'{name}' died" not in said
+        )
 
     def _last_words(self, name: str) -> str:
         """The last line a process wrote that names an error."""

@@ -187,5 +187,6 @@ class ManagedNode(LifecycleNodeMixin, GraphNode):
         return level, text, {**values, "life": self.life}
 
     def close(self) -> None:
-        """Give the service back, so that it is destroyed with the node."""
+        """Give the service back, so that it is destroyed with the node, and the machine, which rclpy forgets."""
         self._services.append(self._service_change_state)
+        self._state_machine.destroy_when_not_in_use()

@@ -20,6 +20,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import get_default_context
 
 from pzt_nodes.clock_guard import ClockGuard
 from pzt_ros.errors import BenchError
@@ -61,6 +62,7 @@ def run(makes: Sequence[Callable[[], GraphNode]]) -> int:
             node.close()
             node.destroy_node()
         rclpy.try_shutdown()
+        get_default_context().destroy()
 
 
 def _spin(nodes: list[GraphNode], asked: list[int]) -> int:

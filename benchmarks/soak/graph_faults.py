@@ -122,9 +122,10 @@ def _is_free(lock: Path) -> bool:
 
 
 def tracebacks(graph: GraphProcess, said: str) -> str:
-    """The logs that have a traceback in them."""
+    """The logs that have a traceback in them, or the last words of an interpreter that crashed."""
     texts = {path.name: path.read_text(encoding="utf-8", errors="replace") for path in graph.folder.glob("log/*.log")}
-    found = [name for name, text in {**texts, "terminal": said}.items() if "Traceback" in text]
+    words = ("Traceback", "Fatal Python error")
+    found = [name for name, text in {**texts, "terminal": said}.items() if any(word in text for word in words)]
     return f"traceback in {found}" if found else ""
 
 
