@@ -148,18 +148,18 @@ def _round_trip() -> dict[str, float]:
 
 
 def shared_memory(folder: Path = Path("/dev/shm")) -> Finding:
-    """Whether DDS has room in shared memory, and how much dead processes left there."""
+    """Whether other ROS tools have room in shared memory, and how much dead ones left there; the graph uses none."""
     try:
         free = shutil.disk_usage(folder).free
         left = [path.stat().st_size for path in folder.glob("fastrtps_*")]
     except OSError as error:
-        return Finding("shared memory", NOTE, f"{folder}: {error.strerror}", "DDS falls back to UDP, which is slower")
+        return Finding("shared memory", NOTE, f"{folder}: {error.strerror}", "the graph needs none")
     found = f"{free / 1e6:.0f} MB free; {len(left)} files of DDS, {sum(left) / 1e6:.0f} MB"
     if not os.access(folder, os.W_OK) or free < 64e6:
-        advice = "DDS needs some 10 MB per graph there: make room, or in a container give it more (--shm-size=256m)"
-        return Finding("shared memory", PROBLEM, found, advice)
+        advice = "the graph needs none, other ROS tools some MB each: make room, or give a container --shm-size=256m"
+        return Finding("shared memory", NOTE, found, advice)
     if sum(left) > 100e6:
-        advice = "most are of processes that were killed; with no graph running: rm /dev/shm/fastrtps_*"
+        advice = "most are of ROS tools that were killed; with none running: rm /dev/shm/fastrtps_*"
         return Finding("shared memory", NOTE, found, advice)
     return Finding("shared memory", OK, found)
 

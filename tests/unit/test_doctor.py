@@ -27,7 +27,7 @@ ILL: list[tuple[Finding, str, str]] = [
     (doctor.rmw({"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}), NOTE, "unset RMW_IMPLEMENTATION"),
     (doctor.discovery(dict), PROBLEM, "loopback"),
     (doctor.discovery(lambda: {"found_after_s": 3.0, "round_trip_s": 1e-4}), NOTE, "haunts"),
-    (doctor.shared_memory(Path("/nowhere/at/all")), NOTE, "UDP"),
+    (doctor.shared_memory(Path("/nowhere/at/all")), NOTE, "needs none"),
     (doctor.domain({"ROS_DOMAIN_ID": "four"}, {}), PROBLEM, "0 to 101"),
     (doctor.domain({"ROS_DOMAIN_ID": "233"}, {}), PROBLEM, "0 to 101"),
     (doctor.domain({"ROS_DOMAIN_ID": "150"}, {}), NOTE, "0 to 101"),
