@@ -42,6 +42,13 @@ class Child:
         return self._process.pid
 
     @property
+    def silence(self) -> float:
+        """For how long its nodes have said nothing [s]; 0 before the first word and after its end."""
+        if not self.heard or self.exit_code is not None:
+            return 0.0
+        return time.monotonic() - max(self.heard.values())
+
+    @property
     def exit_code(self) -> int | None:
         """None while it lives."""
         return self._process.exit_code

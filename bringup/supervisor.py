@@ -15,6 +15,8 @@ from pzt_ros.ros_environment import orphaned
 
 POLL = 0.05
 """The supervisor looks at its processes this often [s]."""
+HUNG = 3.0
+"""A process whose nodes say nothing of themselves for so long [s] hangs; they do so every second."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class Supervisor:
         self.plan = plan
         self._show = show
         self._children: dict[str, Child] = {}
+        self._hung: set[str] = set()
+        self._looked = self._awake = time.monotonic()
 
     def run(self) -> Outcome:
         """Start everything, wait for the end, leave nothing behind."""
@@ -87,6 +91,7 @@ class Supervisor:
     def poll(self, asked_to_stop: bool) -> Outcome | None:
         """Look at the processes after a moment; how the run ended, once it has and the stack is safe."""
         time.sleep(POLL)
+        self._look_for_hangs()
         if asked_to_stop:
             return Outcome(0, f"stopped on request; {self._make_safe()}")
         last = next(reversed(self._children))  # the one that holds the experiment
@@ -99,8 +104,21 @@ class Supervisor:
             return Outcome(0, "run complete")
         safe = self._make_safe()
         if code == 2 or (dead == [last] and code == 1):
-            return Outcome(code, self._last_words(dead[0]))
-        return Outcome(1, f"process '{dead[0]}' died ({_how(code)}); {safe}; see {self.plan.log(dead[0])}")
+            return Outcome(code, self._last_words(dead[0]) + self._hangs())
+        died = f"process '{dead[0]}' died ({_how(code)}); {safe}; see {self.plan.log(dead[0])}"
+        return Outcome(1, died + self._hangs())
+
+    def _look_for_hangs(self) -> None:
+        now = time.monotonic()
+        if now - self._looked > 1.0:
+            self._awake = now  # the whole machine stood still, or this process: nobody can be blamed yet
+        self._looked = now
+        if now - self._awake > HUNG:
+            self._hung |= {name for name, child in self._children.items() if child.silence > HUNG}
+
+    def _hangs(self) -> str:
+        """Processes that lived and said nothing: what the amplifier misses need not be what hangs."""
+        return "".join(f"; process '{name}' hung for more than {HUNG:g} s" for name in sorted(self._hung))
 
     def _bad_ends(self, said: str) -> str:
         """Processes that crashed or were killed after all, which nobody would notice otherwise; SIGTERM is ours."""
