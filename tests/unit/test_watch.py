@@ -156,6 +156,14 @@ def test_sensor_and_observer_disagree() -> None:
     assert (run.guard.state, run.guard.reason) == (FAULT, "sensor and observer differ by 1.500 um, limit 1.000 um")
 
 
+def test_an_observer_that_has_lost_its_numbers_is_a_disagreement() -> None:
+    run = Run()
+    innovation = np.full(SIZE, 1e-7)
+    innovation[3] = math.nan
+    run.watch.estimated(0.0, innovation)
+    assert run.guard.state == FAULT
+
+
 def test_what_is_said_of_a_run_before_does_not_count() -> None:
     run = Run()
     before = run.command(0.0)
