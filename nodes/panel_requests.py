@@ -82,6 +82,7 @@ class Requests:
         self._ask_model = node.create_client(GetParameters, "controller/get_parameters")
         self._ask_limits = node.create_client(GetParameters, "amplifier/get_parameters")
         self._asking = node.create_timer(0.5, self._ask_about)
+        self._ask_again = 0.0
         if read_only:
             return
         self._services = {name: node.create_client(kind, name) for name, kind in SERVICES.items()}
@@ -137,15 +138,18 @@ class Requests:
     # -- about the axis
 
     def _ask_about(self) -> None:
-        """Ask the graph once for its model and limits, when it is there."""
+        """Ask the graph for its model and limits until it has said both: an answer is lost with a node that dies."""
         if not (self._ask_model.service_is_ready() and self._ask_limits.service_is_ready()):
             return
-        self._asking.cancel()
+        if time.monotonic() < self._ask_again:
+            return
+        self._ask_again = time.monotonic() + WORD_WITHIN
         answers: dict[str, Any] = {}
 
         def collect(name: str, future: Any) -> None:
             answers[name] = future.result().values
             if len(answers) == 2:
+                self._asking.cancel()
                 # the model may have to be compiled first: that must not hold up the frames
                 threading.Thread(target=self._describe, args=(answers,), name="describe", daemon=True).start()
 
@@ -155,7 +159,7 @@ class Requests:
         limits.add_done_callback(lambda future: collect("limits", future))
 
     def _describe(self, answers: dict[str, Any]) -> None:
-        about: dict[str, Any] = {"simulated": self._node.count_publishers("truth") > 0}
+        about: dict[str, Any] = {}
         try:
             found = describe(load_model(answers["model"][0].string_value), *(v.double_value for v in answers["limits"]))
             self._envelope = Envelope(**found["envelope"])

@@ -102,5 +102,5 @@ class Board:
 
     @property
     def simulated(self) -> bool:
-        """Whether a simulated plant is in the graph."""
-        return bool(self.about.get("simulated"))
+        """Whether a simulated plant is in the graph, or was when the bag was recorded."""
+        return "plant" in self.health or bool(self.about.get("simulated"))

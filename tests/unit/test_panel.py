@@ -54,6 +54,14 @@ def feed_all(frames: Frames, number: int, topics: tuple[str, ...] = tuple(COLUMN
 # -- rows
 
 
+def test_a_stage_is_called_simulated_as_soon_as_its_plant_speaks() -> None:
+    board = Board()
+    board.take({"health": [{"node": "amplifier", "level": "ok", "text": "", "values": {}}]})
+    assert not board.simulated
+    board.take({"health": [{"node": "plant", "level": "ok", "text": "", "values": {}}]})
+    assert board.simulated
+
+
 def test_a_row_is_the_mean_of_a_tick() -> None:
     frames = Frames()
     feed_all(frames, 7)
