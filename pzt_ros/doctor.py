@@ -147,6 +147,22 @@ def _round_trip() -> dict[str, float]:
             return {}
 
 
+def buffers(file: Path = Path("/proc/sys/net/core/rmem_max"), wanted: int = 4194304) -> Finding:
+    """How much the system lets a node receive before it looks; Linux before 6.16 allows 0.2 MB."""
+    try:
+        allowed = int(file.read_text(encoding="ascii"))
+    except (OSError, ValueError) as error:
+        return Finding("receive buffers", NOTE, f"{file}: {error}", "see that net.core.rmem_max is 4 MB or more")
+    found = f"{allowed / 1e6:.1f} MB allowed"
+    if allowed < wanted:
+        advice = (
+            "on busy cores a run as fast as possible may leave gaps in its bag:"
+            f" sudo sysctl -w net.core.rmem_max={wanted} net.core.wmem_max={wanted}"
+        )
+        return Finding("receive buffers", NOTE, found, advice)
+    return Finding("receive buffers", OK, found)
+
+
 def shared_memory(folder: Path = Path("/dev/shm")) -> Finding:
     """Whether other ROS tools have room in shared memory, and how much dead ones left there; the graph uses none."""
     try:
@@ -242,6 +258,6 @@ def awake(device: Path = Path("/dev/cpu_dma_latency")) -> Finding:
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
-    python, machine, ros, rmw, panel, discovery, shared_memory, domain, cores, clock, priority, awake,
+    python, machine, ros, rmw, panel, discovery, buffers, shared_memory, domain, cores, clock, priority, awake,
 )  # fmt: skip
 """In the order in which they are shown; a new one is one function and one name here."""

@@ -67,6 +67,15 @@ def test_good_health_needs_no_advice(finding: Finding) -> None:
     assert (finding.level, finding.advice) == (OK, "")
 
 
+@pytest.mark.parametrize(("allowed", "level"), [("212992", NOTE), ("4194304", OK), ("much", NOTE)])
+def test_small_receive_buffers_are_told_of(tmp_path: Path, allowed: str, level: str) -> None:
+    file = tmp_path / "rmem_max"
+    file.write_text(allowed)
+    found = doctor.buffers(file)
+    assert found.level == level
+    assert ("rmem_max" in found.advice) == (level == NOTE)
+
+
 def test_shared_memory_counts_what_was_left(tmp_path: Path) -> None:
     assert doctor.shared_memory(tmp_path).level == OK
     for number in range(3):
