@@ -51,15 +51,15 @@ def feed_all(frames: Frames, number: int, topics: tuple[str, ...] = tuple(COLUMN
         frames.add(topic, block(topic, number, {"reference": 3.0, "measurement": 2.5}.get(topic, 1.0)))
 
 
-# -- rows
-
-
 def test_a_stage_is_called_simulated_as_soon_as_its_plant_speaks() -> None:
     board = Board()
     board.take({"health": [{"node": "amplifier", "level": "ok", "text": "", "values": {}}]})
     assert not board.simulated
     board.take({"health": [{"node": "plant", "level": "ok", "text": "", "values": {}}]})
     assert board.simulated
+
+
+# -- rows
 
 
 def test_a_row_is_the_mean_of_a_tick() -> None:
