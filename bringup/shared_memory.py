@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import os
 import re
+import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -27,10 +28,25 @@ def held_by(pid: int) -> set[str]:
     return found
 
 
+def left_over(folder: Path = FOLDER, for_at_least: float = 10.0) -> set[str]:
+    """The segments and ports whose lock file has been there for so long [s], whether they have an owner or not.
+
+    Younger ones may be just being made: Fast DDS makes the file first and takes its lock then.
+    """
+    found, before = set(), time.time() - for_at_least
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            with contextlib.suppress(OSError):  # gone meanwhile
+                if (named := _LOCK.fullmatch(path.name)) and path.stat().st_mtime < before:
+                    found.add(named[1])
+    return found
+
+
 def sweep(names: Iterable[str], folder: Path = FOLDER) -> list[str]:
     """Remove those of these segments and ports that have no owner any more; returns their names.
 
-    The test is that of Fast DDS' own `fastdds shm clean`: a lock that can be had has no owner. To be done when all
+    The test is that of Fast DDS' own `fastdds shm clean`: a lock that can be had has no owner. To be done before a
+    graph starts, as a port without an owner keeps whoever wants to write to it waiting for a second, and when all
     processes of the graph have ended: a living one that still has messages for a dead one makes its port anew, without
     a lock. A port may have a new owner by now, who holds its lock.
     """

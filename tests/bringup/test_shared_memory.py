@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from pzt_bringup.command import run_graph
 from pzt_bringup.domain import take_domain
-from pzt_bringup.shared_memory import FOLDER, held_by, sweep
+from pzt_bringup.shared_memory import FOLDER, held_by, left_over, sweep
+from pzt_ros.errors import BenchError
 
 
 def segment(folder: Path, name: str) -> Path:
@@ -36,6 +38,26 @@ def test_only_what_is_named_and_nobody_holds_is_removed(tmp_path: Path) -> None:
     left = {path.name for path in tmp_path.iterdir()}
     kept = ("fastrtps_fedcba9876543210", "fastrtps_port7000")
     assert left == {f for n in kept for f in (n, f"{n}_el", f"sem.{n}_mutex")}
+
+
+def test_only_what_has_been_there_for_a_while_is_left_over(tmp_path: Path) -> None:
+    for name in ("fastrtps_0123456789abcdef", "fastrtps_port26661"):
+        lock = segment(tmp_path, name)
+        os.utime(lock, (time.time() - 20.0,) * 2)
+    segment(tmp_path, "fastrtps_port7000")  # just being made
+    (tmp_path / "somebody_el").write_bytes(b"")
+    os.utime(tmp_path / "somebody_el", (0.0, 0.0))
+    assert left_over(tmp_path) == {"fastrtps_0123456789abcdef", "fastrtps_port26661"}
+    assert left_over(tmp_path / "nowhere") == set()
+
+
+@pytest.mark.skipif(not FOLDER.is_dir(), reason="no /dev/shm on this system")
+def test_a_graph_starts_without_the_ports_of_the_dead(tmp_path: Path) -> None:
+    name = f"fastrtps_{os.getpid():016x}"
+    os.utime(segment(FOLDER, name), (time.time() - 20.0,) * 2)
+    with pytest.raises(BenchError, match="nowhere"):  # it would have started
+        run_graph("scan", tmp_path, None, False, False, None, "/stage", Path("nowhere.yaml"), True)
+    assert not [file for file in os.listdir(FOLDER) if name in file]
 
 
 @pytest.mark.skipif(not FOLDER.is_dir(), reason="no /dev/shm on this system")

@@ -59,6 +59,11 @@ class Operator:
         found = [s for m in self.foreign.heard["/diagnostics"] for s in m.status if s.name == f"/{AXIS}/{node}"]
         return {pair.key: pair.value for pair in found[-1].values} if found else {}
 
+    def heard(self, node: str, key: str) -> str:
+        """What a node says of that, once it has said anything of it: nodes speak of themselves one after another."""
+        self.foreign.spin_until(lambda: key in self.values(node))
+        return self.values(node)[key]
+
     def wait_for(self, node: str, key: str, value: str) -> None:
         """Until a node says that."""
         self.foreign.spin_until(lambda: self.values(node).get(key) == value)

@@ -57,7 +57,7 @@ class Session:
         with GraphProcess(self.scenario, folder / "run", *options) as graph, ForeignNode(graph.domain) as foreign:
             operator = Operator(foreign)
             operator.wait_until_ready()
-            self.before = [operator.call("pole"), operator.values("amplifier")["state"]]
+            self.before = [operator.call("pole"), operator.heard("amplifier", "state")]
             operator.say(trajectory(*MOVE))  # refused: not enabled
             for _ in range(BEATS):
                 assert operator.enable() == (True, "amplifier enabled")
