@@ -194,8 +194,8 @@ def show(summary: dict[str, Any], page: Path) -> None:
         for row in rows:
             table.add_row(row["name"], *_cells(row))
         console.print(table)
-    if summary["incomplete"]:
-        console.print(summary["incomplete"], style="yellow", highlight=False)
+    for missing in filter(None, (summary["incomplete"], summary["gaps"])):
+        console.print(missing, style="yellow", highlight=False)
     console.print(summary["verdict"], highlight=False)
     console.print(f"report: {page}", highlight=False, soft_wrap=True)
 

@@ -19,7 +19,7 @@ from pzt_ros.records import write_text
 from pzt_ros.report.health import NodeHealth, node_health
 from pzt_ros.report.rundata import RunData, read_run
 from pzt_ros.report.tracking import TrackingError
-from pzt_ros.report.verdict import Rows, completeness, verdict
+from pzt_ros.report.verdict import Rows, completeness, gaps, verdict
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,8 @@ def summarize(data: RunData, rows: Rows, health: list[NodeHealth]) -> dict[str, 
         "simulated": data.simulated,
         "verdict": verdict(data, rows),
         "incomplete": completeness(data),
+        "missing_samples": dict(data.missing),
+        "gaps": gaps(data),
         "tracking": [
             {
                 "name": name,

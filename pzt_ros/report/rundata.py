@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from pzt_ros.bags.reader import Bag, open_bag
 from pzt_ros.blocks import Block
@@ -26,6 +27,9 @@ _SIGNALS = {
     "truth": ("truth", "displacement_m"),
 }
 """Each signal with the topic below the namespace and the column of its blocks."""
+
+_EVERY_SAMPLE = ("applied", "measurement", "estimate", "truth")
+"""The topics that have a row for every sample of a run."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class RunData:
         stretches: the phases in time, as planned.
         duration: end of the scenario as asked with --duration [s]; its full length otherwise; 0 where an operator ended
             it.
+        missing: samples that each topic which has a row for every one lacks, between its first and its last.
     """
 
     folder: Path
@@ -58,6 +63,7 @@ class RunData:
     current: Array
     stretches: tuple[Stretch, ...]
     duration: float
+    missing: Mapping[str, int]
 
     @property
     def name(self) -> str:
@@ -118,7 +124,7 @@ def read_run(folder: str | Path) -> RunData:
     bag = open_bag(folder / "bag")
     present = {topic.name for topic in bag.topics() if topic.count}
     blocks: dict[str, Block] = {}
-    for leaf, _ in _SIGNALS.values():
+    for leaf in (*(leaf for leaf, _ in _SIGNALS.values()), *_EVERY_SAMPLE):
         name = topic_name(provenance, leaf)
         if leaf not in blocks and name in present:
             blocks[leaf] = bag.blocks(name)
@@ -145,8 +151,14 @@ def read_run(folder: str | Path) -> RunData:
         time=(start + np.arange(count)) / rate,
         stretches=tuple(stretches(experiment.spans())),
         duration=0.0 if scenario.manual else _asked_duration(folder, provenance) or experiment.length,
+        missing={leaf: _gaps(places[leaf]) for leaf in _EVERY_SAMPLE if leaf in places},
         **{name: signal(name) for name in _SIGNALS},
     )
+
+
+def _gaps(places: NDArray[np.int64]) -> int:
+    """How many places between the first and the last are not among them."""
+    return int(places.max() - places.min()) + 1 - len(np.unique(places))
 
 
 def topic_name(provenance: Mapping[str, Any], leaf: str) -> str:

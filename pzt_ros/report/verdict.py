@@ -57,6 +57,17 @@ def completeness(data: RunData) -> str:
     return f"{what} {data.recorded:.2f} of {data.duration:.2f} s were recorded; what follows shows what there is."
 
 
+def gaps(data: RunData) -> str:
+    """What the bag lacks between its first sample and its last, in a sentence; empty where it lacks nothing."""
+    lacking = [f"{count} samples of {leaf}" for leaf, count in data.missing.items() if count]
+    if not lacking:
+        return ""
+    return (
+        f"The bag lacks {listed(lacking)} between the first and the last: either a node did not publish them (see the"
+        " table of the nodes), or the recorder could not keep up (fewer jobs beside it). They count nowhere here."
+    )
+
+
 def describe(row: PhaseTracking) -> str:
     """What was asked in a phase, in words."""
     phase = row.stretch.phase

@@ -187,6 +187,7 @@ def test_the_first_beat_is_that_of_the_in_process_loop(session: Session) -> None
 def test_the_report_says_how_well_the_operator_was_followed(session: Session) -> None:
     assert "it followed the reference with an RMS error of" in session.report["verdict"]
     assert session.report["incomplete"] == ""
+    assert session.report["gaps"] == ""
     assert session.report["pace"]["paced_ticks"] >= int(session.plant["paced_ticks"]) > 100
     assert session.report["pace"]["lateness_p50_us"] <= session.report["pace"]["lateness_max_us"]
     assert session.report["counts"]["/stage/experiment"]["refused on joint_trajectory"] == 1 + BEATS * len(REFUSED)

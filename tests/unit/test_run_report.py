@@ -75,8 +75,10 @@ def diagnostics_bytes(*statuses: Any) -> bytes:
     return serialized(types[DIAGNOSTICS](header, list(statuses)), DIAGNOSTICS)
 
 
-def make_run(folder: Path, text: str, topics: Any = BLOCKS, **provenance: Any) -> list[Tick]:
-    """A run folder as bringup leaves it, with only the blocks of `topics` in its bag."""
+def make_run(
+    folder: Path, text: str, topics: Any = BLOCKS, lost: tuple[tuple[str, int], ...] = (), **provenance: Any
+) -> list[Tick]:
+    """A run folder as bringup leaves it, with only the blocks of `topics` in its bag, and none that was `lost`."""
     folder.mkdir(parents=True)
     (folder / "scenario.yaml").write_text(textwrap.dedent(text), encoding="utf-8")
     noted = {
@@ -94,7 +96,7 @@ def make_run(folder: Path, text: str, topics: Any = BLOCKS, **provenance: Any) -
             for name, channel in channels.items():
                 columns, values_of = BLOCKS[name]
                 asked = tick.reference is not None and tick.reference.quantity == "displacement"
-                if name != "reference" or asked:
+                if (name != "reference" or asked) and (name, number) not in lost:
                     writer.write(channel, block_bytes(columns, np.column_stack(values_of(tick))), now)
             writer.flush()
         status = diagnostic_status("/stage/amplifier", 1, "enabled", {"limited: slew rate": "7", "reason": ""})
@@ -229,6 +231,24 @@ def test_voltage_alone(tmp_path: Path) -> None:
     assert read_summary(folder)["tracking"] == []
     assert "the voltage ran from 0.0 to 100.0 V" in page_of(folder).text
     assert {path.name for path in (folder / "figures").glob("*[a-z].png")} >= {"loops.png", "course.png"}
+
+
+def test_what_the_bag_lacks_is_counted_and_said(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    topics = [name for name in BLOCKS if name != "reference"]
+    ticks = make_run(folder, VOLTAGE_ONLY, topics, (("applied", 3), ("applied", 4), ("truth", 0), ("measurement", 2)))
+    size = len(ticks[0].truth.time)
+    write_run_report(folder)
+    summary = read_summary(folder)
+    assert summary["missing_samples"] == {"applied": 2 * size, "measurement": size, "truth": 0}  # begins later: no gap
+    assert f"lacks {2 * size} samples of applied and {size} samples of measurement between" in summary["gaps"]
+    assert summary["gaps"] in page_of(folder).text
+
+
+def test_nothing_is_said_of_gaps_where_there_are_none(made: tuple[Path, list[Tick]]) -> None:
+    summary = read_summary(made[0])
+    assert summary["gaps"] == ""
+    assert set(summary["missing_samples"].values()) == {0}
 
 
 def test_nothing_measured_is_one_line(tmp_path: Path) -> None:
