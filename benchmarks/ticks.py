@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -19,6 +18,7 @@ from pzt_benchmarks.bare_loop import run_ring
 from pzt_benchmarks.table import PACED, TICKS, Table
 from pzt_bringup.domain import take_domain
 from pzt_ros.bags.reader import open_bag
+from pzt_ros.ros_environment import ros_environment
 from pzt_ros.scenario import load_scenario
 
 SAMPLE_RATE, BLOCK_SIZE = 20e3, 100
@@ -69,8 +69,9 @@ def measure_ring(
     """A ring of as many empty nodes as the signal passes in a tick."""
     lock = take_domain(None)
     lock.release()
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(lock.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    times = run_ring(hops, rounds, period, composed, environment, samples, prefix)
+    with tempfile.TemporaryDirectory() as logs:
+        environment = ros_environment(Path(logs), lock.domain)
+        times = run_ring(hops, rounds, period, composed, environment, samples, prefix)
     rate = 1.0 / period if period else 1e6 / float(np.mean(times))
     late = float(np.mean(times > 1e6 * period)) if period else 0.0
     return Measured(float(np.median(times)), float(np.percentile(times, 99)), rate, late)

@@ -11,7 +11,6 @@ from typing import Any
 
 from pzt_bringup.nursery import NodeProcess
 from pzt_bringup.processes import ProcessRow
-from pzt_bringup.shared_memory import held_by
 
 ESCALATION = ((signal.SIGTERM, 12.0), (signal.SIGKILL, 2.0))
 """Signals in turn, each with the time [s] it gets: the first for the ramp to 0 V, and until the last blocks arrived.
@@ -25,15 +24,13 @@ _PREFIX = "PZT_STATUS "
 class Child:
     """A node's process.
 
-    What its nodes last said of themselves is in `status`, when [s, monotonic] in `heard`, and `memory` names the shared
-    memory that it had when it first said something.
+    What its nodes last said of themselves is in `status`, when [s, monotonic] in `heard`.
     """
 
     def __init__(self, row: ProcessRow, arguments: list[str], environment: dict[str, str], log: Path) -> None:
         self.row = row
         self.status: dict[str, dict[str, Any]] = {}
         self.heard: dict[str, float] = {}
-        self.memory: set[str] = set()
         self._log = open(log, "ab")  # noqa: SIM115 - as long as the process
         self._process = NodeProcess(row.module, [*row.words, *arguments], environment, log)
         self._listener = threading.Thread(target=self._listen, name=f"listen-{row.name}", daemon=True)
@@ -64,7 +61,6 @@ class Child:
                     status = json.loads(line[len(_PREFIX) :])
                 except json.JSONDecodeError:
                     continue  # the last line of a killed process
-                self.memory = self.memory or held_by(self.pid)
                 self.status[status["node"]] = status
                 self.heard[status["node"]] = time.monotonic()
             else:

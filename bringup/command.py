@@ -13,7 +13,6 @@ from pzt_bringup.axes import AxesSupervisor
 from pzt_bringup.cpu_latency import awake_processor
 from pzt_bringup.domain import take_domain
 from pzt_bringup.plan import Plan, prepare
-from pzt_bringup.shared_memory import left_over, sweep
 from pzt_bringup.supervisor import Outcome, Supervisor
 from pzt_bringup.view import TerminalView
 from pzt_ros.axes import Axis, axes_of
@@ -71,7 +70,6 @@ def run_graph(
         raise BenchError(f"{scenario}: has several axes; name the drivers of each there instead of --drivers")
     chosen = axes or (Axis(namespace.strip("/"), scenario, drivers),)
     lock = take_domain(domain)
-    sweep(left_over())
     try:
         plans = [_plan(axis, out.resolve(), bool(axes), composed, real_time, duration, lock.domain) for axis in chosen]
         for plan in plans:

@@ -11,7 +11,6 @@ from typing import Any
 from pzt_bringup.child import Child
 from pzt_bringup.plan import Plan, environment
 from pzt_bringup.processes import STOP_ORDER
-from pzt_bringup.shared_memory import sweep
 from pzt_ros.ros_environment import orphaned
 
 POLL = 0.05
@@ -165,14 +164,13 @@ class Supervisor:
         return False
 
     def stop(self) -> None:
-        """See to it that no process is left, nor its shared memory."""
+        """See to it that no process is left."""
         for together in STOP_ORDER:
             children = [self._children[name] for name in together if name in self._children]
             for child in children:
                 child.ask_to_stop()
             for child in children:
                 child.stop()
-        sweep({name for child in self._children.values() if (child.exit_code or 0) < 0 for name in child.memory})
 
 
 def _how(code: int | None) -> str:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
+
+_PROFILES, _RANGE = "FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_CHOICES = (_PROFILES, "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS", "ROS_STATIC_PEERS")
+"""Who has set one of these has thought about transports, and gets what he set; our profile for other tools is no such
+thing."""
 
 
 def ros_environment(log_folder: Path, domain: int | None = None) -> dict[str, str]:
@@ -15,14 +21,31 @@ def ros_environment(log_folder: Path, domain: int | None = None) -> dict[str, st
     """
     defaults = {
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(str(resources.files("pzt_config"))) / "fastdds.xml"),
         "ROS_LOG_DIR": str(log_folder),
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
     chosen = {} if domain is None else {"ROS_DOMAIN_ID": str(domain)}
-    return {**defaults, **os.environ, **chosen}
+    return {**defaults, **_transport(os.environ), **chosen}
+
+
+def _transport(given: Mapping[str, str]) -> dict[str, str]:
+    """An environment in which nodes talk over UDP: on the loopback interface, unless it says otherwise.
+
+    What rmw makes of LOCALHOST has shared memory too, so LOCALHOST is said to Fast DDS itself, by a profile.
+    """
+    ours = _profile("fastdds.xml")
+    if any(given.get(name, ours) not in ("", ours) for name in _CHOICES):
+        return {_RANGE: "LOCALHOST", _PROFILES: ours, **given}
+    local = given.get("ROS_LOCALHOST_ONLY") == "1" or given.get(_RANGE, "LOCALHOST") == "LOCALHOST"
+    if not local:
+        return {**given, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", _PROFILES: ours}
+    said = {_RANGE: "SYSTEM_DEFAULT", _PROFILES: _profile("fastdds_loopback.xml")}
+    return {name: text for name, text in {**given, **said}.items() if name != "ROS_LOCALHOST_ONLY"}
+
+
+def _profile(name: str) -> str:
+    return str(Path(str(resources.files("pzt_config"))) / name)
 
 
 def supervised() -> dict[str, str]:

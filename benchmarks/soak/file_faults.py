@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import subprocess
 import sys
@@ -25,6 +24,7 @@ from pzt_benchmarks.soak.foreign import ForeignNode
 from pzt_benchmarks.soak.processes import free_domain
 from pzt_config.topics import TOPICS
 from pzt_ros.bags.reader import open_bag
+from pzt_ros.ros_environment import ros_environment
 from pzt_ros.wire import encode
 
 RATE = 20e3
@@ -43,7 +43,7 @@ def recorder_killed(folder: Path, rng: np.random.Generator) -> Seen:
     bag, domain = folder / f"bag-{rng.integers(2**62)}", free_domain()
     recorder = subprocess.Popen(
         [sys.executable, "-m", "pzt_nodes.recorder_node", "--ros-args", "-p", f"bag:={bag}"],
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+        env=ros_environment(folder, domain),
         start_new_session=True,
     )
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import resource
 import shutil
@@ -23,7 +22,6 @@ from std_msgs.msg import Float64MultiArray
 from pzt_benchmarks.soak.fault import AGAIN, ALONE, CLEAN, ENDED, GOES_ON, NO_MORE_BAG, NOT_CLAIMED, RELAY, Fault, Seen
 from pzt_benchmarks.soak.foreign import ForeignNode
 from pzt_benchmarks.soak.processes import GraphProcess, alive, wait_until
-from pzt_bringup.shared_memory import FOLDER as SHARED_MEMORY
 from pzt_ros.bags.reader import open_bag
 from pzt_ros.hardware.limits import Limits
 
@@ -95,30 +93,19 @@ def at_the_voltage(graph: GraphProcess) -> list[psutil.Process]:
 
 
 def memory_of(processes: list[psutil.Process]) -> set[str]:
-    """The shared memory that processes hold: names of the lock files of Fast DDS."""
+    """The files of Fast DDS in shared memory that processes have mapped."""
     held = set()
     for process in processes:
         with contextlib.suppress(psutil.NoSuchProcess):
-            held |= {Path(f.path).name for f in process.open_files() if f.path.startswith(str(SHARED_MEMORY))}
+            held |= {m.path for m in process.memory_maps() if "/dev/shm/" in m.path and "fastrtps" in m.path}
     return held
 
 
 def left_behind(processes: list[psutil.Process], memory: set[str]) -> str:
     """Processes and shared memory that are still there; empty where nothing is."""
     orphans = [process.name() for process in alive(processes)]
-    litter = {name for name in memory if "fastrtps_" in name} & set(os.listdir(SHARED_MEMORY))
-    ports = {name for name in litter if "_port" in name}
-    litter -= {name for name in ports if not _is_free(SHARED_MEMORY / name)}  # somebody else has taken that port
+    litter = {path for path in memory if Path(path).exists()}
     return f"left behind: {orphans} {sorted(litter)}" if orphans or litter else ""
-
-
-def _is_free(lock: Path) -> bool:
-    try:
-        with lock.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def tracebacks(graph: GraphProcess, said: str) -> str:

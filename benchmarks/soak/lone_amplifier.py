@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -26,6 +25,7 @@ from pzt_ros.hardware.limits import Limits
 from pzt_ros.hardware.stage import SimulatedSensor, SimulatedStage
 from pzt_ros.physics.signals import Array, Rest
 from pzt_ros.reference import block_times
+from pzt_ros.ros_environment import ros_environment
 from pzt_ros.wire import encode
 
 RATE, SIZE = 20e3, 100
@@ -77,7 +77,7 @@ class LoneAmplifier:
         self._stream = self.log.open("wb")
         self.process = subprocess.Popen(
             [sys.executable, "-m", "pzt_nodes.amplifier_node", "--ros-args", *self._options],
-            env={**os.environ, **self._environment, "ROS_DOMAIN_ID": str(domain)},
+            env={**ros_environment(self.log.parent, domain), **self._environment},
             stderr=self._stream,
             start_new_session=True,
         )

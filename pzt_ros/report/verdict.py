@@ -64,7 +64,8 @@ def gaps(data: RunData) -> str:
         return ""
     return (
         f"The bag lacks {listed(lacking)} between the first and the last: either a node did not publish them (see the"
-        " table of the nodes), or the recorder could not keep up (fewer jobs beside it). They count nowhere here."
+        " table of the nodes), or the system threw them away before the recorder could read them (`pzt doctor` looks at"
+        " its buffers). They count nowhere here."
     )
 
 

@@ -97,9 +97,11 @@ class Peer:
         self.heard: list[JointState] = []
 
     def matched(self) -> bool:
-        """Whether everybody has found everybody."""
-        writers = (self.enable, self.trajectory)
-        return all(w.get_matched_subscriptions() for w in writers) and bool(self.states.get_matched_publications())
+        """Whether all have found each other; a trajectory has two readers, the experiment and the recorder."""
+        heard_by = {self.enable: 1, self.trajectory: 2}
+        return all(len(w.get_matched_subscriptions()) >= n for w, n in heard_by.items()) and bool(
+            self.states.get_matched_publications()
+        )
 
     def listen(self) -> None:
         """Take in what has come."""

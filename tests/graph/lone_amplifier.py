@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from std_srvs.srv import SetBool
 
 from pzt_bringup.domain import take_domain
 from pzt_ros.blocks import Block, fill_message
+from pzt_ros.ros_environment import ros_environment
 
 RATE, SIZE = 20e3, 100
 
@@ -45,7 +45,7 @@ class Amplifier:
         words = [word for option in options for word in ("-p", option)]
         self.process = subprocess.Popen(
             [sys.executable, "-m", "pzt_nodes.amplifier_node", "--ros-args", *words],
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            env=ros_environment(folder, domain),
             stderr=self._stream,
             start_new_session=True,
         )

@@ -27,7 +27,7 @@ ILL: list[tuple[Finding, str, str]] = [
     (doctor.rmw({"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}), NOTE, "unset RMW_IMPLEMENTATION"),
     (doctor.discovery(dict), PROBLEM, "loopback"),
     (doctor.discovery(lambda: {"found_after_s": 3.0, "round_trip_s": 1e-4}), NOTE, "haunts"),
-    (doctor.shared_memory(Path("/nowhere/at/all")), NOTE, "UDP"),
+    (doctor.shared_memory(Path("/nowhere/at/all")), NOTE, "needs none"),
     (doctor.domain({"ROS_DOMAIN_ID": "four"}, {}), PROBLEM, "0 to 101"),
     (doctor.domain({"ROS_DOMAIN_ID": "233"}, {}), PROBLEM, "0 to 101"),
     (doctor.domain({"ROS_DOMAIN_ID": "150"}, {}), NOTE, "0 to 101"),
@@ -65,6 +65,15 @@ def test_what_is_wrong_is_found_and_comes_with_advice(finding: Finding, level: s
 @pytest.mark.parametrize("finding", WELL, ids=lambda finding: finding.check)
 def test_good_health_needs_no_advice(finding: Finding) -> None:
     assert (finding.level, finding.advice) == (OK, "")
+
+
+@pytest.mark.parametrize(("allowed", "level"), [("212992", NOTE), ("4194304", OK), ("much", NOTE)])
+def test_small_receive_buffers_are_told_of(tmp_path: Path, allowed: str, level: str) -> None:
+    file = tmp_path / "rmem_max"
+    file.write_text(allowed)
+    found = doctor.buffers(file)
+    assert found.level == level
+    assert ("rmem_max" in found.advice) == (level == NOTE)
 
 
 def test_shared_memory_counts_what_was_left(tmp_path: Path) -> None:
