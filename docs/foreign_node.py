@@ -77,8 +77,16 @@ class ForeignNode(Node):
             raise SystemExit(f"{service}: {future.result().message}")
 
     def wait_until_ready(self) -> None:
-        """The experiment node says in /diagnostics that everybody is there and that it waits for an operator."""
+        """Until the graph waits for an operator, as /diagnostics says, and the experiment node hears this one."""
         self.wait("nobody waits for an operator", lambda: self.says("experiment", "phase") == "not enabled")
+        self.wait("the amplifier says nothing", lambda: self.says("amplifier", "state"))
+        self.wait("the experiment does not listen", self.experiment_listens)
+
+    def experiment_listens(self) -> bool:
+        """DDS finds one reader after the other, and the recorder has one of the same topic: the first is not enough."""
+        readers = self.get_subscriptions_info_by_topic(self.trajectory.topic_name)
+        there = any(reader.node_name == "experiment" for reader in readers)
+        return there and self.trajectory.get_subscription_count() >= len(readers)
 
     def says(self, node: str, what: str) -> str | None:
         """What a node of the axis last said of itself."""

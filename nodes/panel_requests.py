@@ -42,6 +42,9 @@ FOLLOWED, REFUSED = "following a trajectory", "trajectory refused: "
 WORD_WITHIN = 4.0
 """The experiment node says within this time [s] what became of a trajectory."""
 
+ASKED_AGAIN_AFTER = 1.0
+"""An answer about the axis that takes longer [s] is lost: who was asked did not know yet where it should go."""
+
 FOUND_WITHIN = 3.0
 """A service or a reader that discovery has not brought after this time [s] is not there."""
 
@@ -138,12 +141,12 @@ class Requests:
     # -- about the axis
 
     def _ask_about(self) -> None:
-        """Ask the graph for its model and limits until it has said both: an answer is lost with a node that dies."""
+        """Ask the graph for its model and limits until it has said both."""
         if not (self._ask_model.service_is_ready() and self._ask_limits.service_is_ready()):
             return
         if time.monotonic() < self._ask_again:
             return
-        self._ask_again = time.monotonic() + WORD_WITHIN
+        self._ask_again = time.monotonic() + ASKED_AGAIN_AFTER
         answers: dict[str, Any] = {}
 
         def collect(name: str, future: Any) -> None:

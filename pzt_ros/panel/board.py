@@ -88,6 +88,11 @@ class Board:
         return Envelope(**found) if found else None
 
     @property
+    def may_plan(self) -> bool:
+        """Whether the axis has said where it may go, or why that is not known; until then nobody can be told more."""
+        return "envelope" in self.about or "problem" in self.about
+
+    @property
     def here(self) -> float | None:
         """Where the stage is asked to be, or where it is if nothing is asked [m]."""
         if not self.rows:

@@ -16,6 +16,8 @@ from pzt_ros.panel.motion import SHAPES, Envelope, Point, jog, scan
 CHOICE_KNOWN = 2.5
 """After this time [s] the controller that is shown is the one that the node says is in charge."""
 
+UNKNOWN = "the window of the stage is not known yet; wait"
+
 POLING = "Poling drives the stage to its highest voltage and back, over about 20 s, whatever it carries."
 
 
@@ -27,6 +29,7 @@ class Controls:
         self._feed = feed
         self._chose = -CHOICE_KNOWN
         self._shown: list[tuple[bool, str]] = []
+        self._movers: list[ui.button] = []
         with ui.element("div").classes("controls"):
             if feed.read_only:
                 with _card("Controls"):
@@ -60,8 +63,10 @@ class Controls:
                     lambda envelope, here: jog(envelope, here, sign * _value(step, 1e-6), _value(speed, 1e-6))
                 )
 
-            _button("", "jog-down", lambda: move(-1.0), "key", "remove", "one step down")
-            _button("", "jog-up", lambda: move(1.0), "key", "add", "one step up")
+            self._movers += [
+                _button("", "jog-down", lambda: move(-1.0), "key", "remove", "one step down"),
+                _button("", "jog-up", lambda: move(1.0), "key", "add", "one step up"),
+            ]
 
     def _scan(self) -> None:
         with _card("Scan"):
@@ -82,7 +87,7 @@ class Controls:
                         )
                     )
 
-                _button("Scan", "scan", start, "go span2")
+                self._movers.append(_button("Scan", "scan", start, "go span2"))
 
     def _other(self) -> None:
         with _card("Controller and recorder"), _grid(6):
@@ -98,6 +103,8 @@ class Controls:
         if self._feed.read_only:
             return
         self._show_answers()
+        for button in self._movers:
+            button.set_enabled(self._board.may_plan)
         names = list(self._board.about.get("controllers", []))
         if names != self._choice.options:
             self._choice.set_options(names)
@@ -129,7 +136,7 @@ class Controls:
             if here is None:
                 raise BenchError("the stage is not enabled; enable it first")
             if envelope is None:
-                raise BenchError(self._board.about.get("problem", "the window of the stage is not known yet; wait"))
+                raise BenchError(self._board.about.get("problem", UNKNOWN))
             points = plan(envelope, here)
         except BenchError as error:
             self._say(Answer(False, str(error)))
@@ -171,11 +178,14 @@ def _grid(columns: int) -> ui.element:
     return ui.element("div").classes(f"grid{columns}")
 
 
-def _button(text: str, do: str, click: Callable[[], Any], classes: str, icon: str | None = None, tip: str = "") -> None:
+def _button(
+    text: str, do: str, click: Callable[[], Any], classes: str, icon: str | None = None, tip: str = ""
+) -> ui.button:
     button = ui.button(text, on_click=click, icon=icon, color=None)
     button.props(f'data-do={do} no-caps unelevated aria-label="{tip or text}"').classes(classes)
     if tip:
         button.props(f'title="{tip}"')
+    return button
 
 
 def _number(label: str, name: str, value: float, unit: str, step: float, classes: str) -> ui.number:

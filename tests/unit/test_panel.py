@@ -240,6 +240,15 @@ def test_the_board_keeps_the_window_and_tells_listeners() -> None:
     assert len(board.rows) == 1
 
 
+def test_nothing_is_planned_before_the_window_is_known_or_why_it_is_not() -> None:
+    for said in ({"envelope": {}}, {"problem": "no such model"}):
+        board = Board()
+        board.take({"about": {"namespace": "/stage", "controllers": ["open_loop"]}})
+        assert not board.may_plan
+        board.take({"about": said})
+        assert board.may_plan
+
+
 def test_here_is_the_reference_where_there_is_one() -> None:
     board = Board()
     assert board.here is None
