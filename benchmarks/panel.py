@@ -1,9 +1,10 @@
 """The live panel beside a graph: frames a second, what page and node cost, and what the graph's ticks notice of them.
 
 One graph follows a scan in real time; windows without a panel, with one that nobody looks at, with one whose browser is
-as if on another computer (it takes every frame in, draws none, and gets what processor time the others leave), and with
-one that draws beside the graph, take turns in the same run: what a browser takes is not the panel's. The ticks are
-timed by the bag: from the plant's truth to the amplifier's answer to it.
+as if on another computer (it takes every frame in, draws none, and gets what processor time the others leave), with one
+that draws in what time the others leave, and with one that draws beside the graph as any program would, take turns in
+the same run: what a browser takes is not the panel's. The ticks are timed by the bag: from the plant's truth to the
+amplifier's answer to it.
 """
 
 from __future__ import annotations
@@ -44,8 +45,10 @@ FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--
 SETTLE, START_TIMEOUT = 5.0, 60.0
 """Nothing is measured for so long after a panel came or went; what is not there by then never will be [s]."""
 
-WITHOUT, UNSEEN, AWAY, DRAWN = "no panel", "panel, no page", "panel, page as if elsewhere", "panel, page draws"
-"""Kinds of windows."""
+WITHOUT, UNSEEN, AWAY = "no panel", "panel, no page", "panel, page as if elsewhere"
+POLITE, DRAWN = "panel, page draws, lowest priority", "panel, page draws"
+KINDS = (WITHOUT, UNSEEN, AWAY, POLITE, DRAWN)
+"""Of windows."""
 
 NO_DRAWING = "window.requestAnimationFrame = () => 0"
 
@@ -92,13 +95,15 @@ def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
         folder = Path(name)
         with _graph(folder) as domain:
             asyncio.run(_begin_scan(domain, folder))
-            windows: dict[str, list[Window]] = {WITHOUT: [], UNSEEN: [], AWAY: [], DRAWN: []}
+            windows: dict[str, list[Window]] = {kind: [] for kind in KINDS}
             for turn in range(turns):
                 for kind in windows:
                     tell(f"{kind}, {turn + 1} of {turns}")
                     with _page(domain, folder, kind != UNSEEN) if kind != WITHOUT else nullcontext() as page:
                         if kind == AWAY:
-                            _send_away(page)
+                            page.page.evaluate(NO_DRAWING)
+                        if kind in (AWAY, POLITE):
+                            _stand_back(page.browser)
                         time.sleep(SETTLE)
                         windows[kind].append(_watch(page, length))
         ticks = _ticks(folder / "run" / "bag")
@@ -205,10 +210,9 @@ def _page(domain: int, folder: Path, opened: bool) -> Iterator[_Page]:
         panel.wait()
 
 
-def _send_away(page: _Page) -> None:
-    """The browser no longer draws, and its session gets the least share of time there is (sched(7), autogroup)."""
-    page.page.evaluate(NO_DRAWING)
-    for pid in page.browser:
+def _stand_back(browser: list[int]) -> None:
+    """The browser's session gets the least share of time there is (sched(7), autogroup)."""
+    for pid in browser:
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, pid, LOWEST)
             if os.getsid(pid) != os.getsid(0):
@@ -292,7 +296,7 @@ def _cost(windows: dict[str, list[Window]]) -> Table:
             kind, f"{w.pushed:.1f}", f"{w.drawn:.1f}", _percent(w.page), _percent(w.node),
             _percent(w.page + w.node), _percent(w.browser),
         )
-        for kind in (UNSEEN, AWAY, DRAWN)
+        for kind in KINDS[1:]
         for w in windows[kind]
     ]  # fmt: skip
     note = "Shares of one core. The browser is headless and draws in software; with a graphics card it costs less."

@@ -120,6 +120,7 @@ def node_parameters(plan: Plan) -> dict[str, Any]:
         "controller": {
             "model": s.model,
             "limits": _values(s.bounds),
+            **({"controller": s.manual.controller} if s.manual else {}),  # also of one that is started again
             **{name: _values(c) for name, c in s.controllers.items() if _values(c)},
         },
         "experiment": {"scenario": str(s.source), "duration": float(plan.duration or 0.0)},

@@ -9,7 +9,7 @@ from typing import Any
 
 from pzt_ros.chains import load_chain, read_yaml, shipped
 from pzt_ros.controllers.bounds import Bounds
-from pzt_ros.controllers.controller import Controller
+from pzt_ros.controllers.controller import NEVER, Controller
 from pzt_ros.controllers.table import CONTROLLERS
 from pzt_ros.errors import BenchError
 from pzt_ros.experiments.experiment import Experiment
@@ -25,6 +25,11 @@ AS_FAST_AS_POSSIBLE, REAL_TIME = "as fast as possible", "real time"
 RATES = (AS_FAST_AS_POSSIBLE, REAL_TIME)
 """The paces of a run."""
 
+STAYS = {"handover_time": f"{NEVER:g} s"}
+"""Where an operator moves the stage, a controller without feedback keeps the offset that it found: it has no business
+to go where its own line or model says that the stage should have been.
+"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
@@ -33,7 +38,7 @@ class Timing:
     sample_rate: float = parameter(20e3, "Hz", "samples per second", bounds=(1.0, 1e6))
     block_size: float = parameter(100.0, "1", "samples in a block", bounds=(2.0, 1e5))
     seed: float = parameter(1.0, "1", "of every random number in the simulation", bounds=(0.0, 2**53))
-    handover_time: float = parameter(0.05, "s", "over which a change of controller is smoothed", bounds=(1e-3, 10.0))
+    handover_time: float = parameter(0.05, "s", "over which a change of controller is smoothed", bounds=(1e-3, NEVER))
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,9 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
             raise BenchError(f"{where}: key '{key}' is missing")
     if ("phases" in data) == ("manual" in data):
         raise BenchError(f"{where}: say either 'phases:', a list of them, or 'manual:' for an operator")
-    timing = build(Timing, {key: data[key] for key in timing_keys if key in data}, where)
+    manual = "manual" in data
+    given = {key: data[key] for key in timing_keys if key in data}
+    timing = build(Timing, {**STAYS, **given} if manual else given, where)
     for key in ("block_size", "seed"):
         if getattr(timing, key) != int(getattr(timing, key)):
             raise BenchError(f"{where}.{key}: {getattr(timing, key)} is not a whole number")
@@ -134,9 +141,9 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         timing=timing,
         limits=build(Limits, data.get("limits") or {}, f"{where}: limits"),
         observer=_observer(data.get("observer") or {}, where),
-        controllers=_controllers(data.get("controllers") or {}, where),
+        controllers=_controllers(data.get("controllers") or {}, manual, where),
         phases=_phases(data["phases"], where, path) if "phases" in data else (),
-        manual=_manual(data["manual"], where) if "manual" in data else None,
+        manual=_manual(data["manual"], where) if manual else None,
         rate=_rate(data.get("rate", AS_FAST_AS_POSSIBLE), where),
         source=path,
     )
@@ -161,15 +168,18 @@ def _observer(entry: Any, where: str) -> Observer:
     return observer
 
 
-def _controllers(entries: Any, where: str) -> dict[str, Controller]:
+def _controllers(entries: Any, manual: bool, where: str) -> dict[str, Controller]:
     if not isinstance(entries, dict):
         raise BenchError(f"{where}: controllers: expected a controller's name and its gains, found {entries!r}")
     for name in entries:
         if name not in CONTROLLERS:
             raise BenchError(f"{where}: unknown controller {name!r}; known are {', '.join(CONTROLLERS)}")
-    return {
-        name: build(cls, entries.get(name) or {}, f"{where}: controllers.{name}") for name, cls in CONTROLLERS.items()
-    }
+
+    def gains(name: str) -> Any:
+        given = entries.get(name) or {}
+        return {**STAYS, **given} if manual and CONTROLLERS[name].keeps_offset and isinstance(given, dict) else given
+
+    return {name: build(cls, gains(name), f"{where}: controllers.{name}") for name, cls in CONTROLLERS.items()}
 
 
 def _manual(entry: Any, where: str) -> ManualOperation:

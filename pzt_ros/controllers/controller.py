@@ -44,6 +44,10 @@ class Feedback:
     bounds: Bounds = field(default_factory=Bounds)
 
 
+NEVER = 1e9
+"""What fades over this time [s] stays."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Controller(ABC):
     """From a block of reference to a block of drive voltage: gains are fields, memory goes in and comes out."""
@@ -51,6 +55,10 @@ class Controller(ABC):
     kind: ClassVar[str]
     takes_over_smoothly: ClassVar[bool]
     """Whether its first voltage after `init` continues the one found; otherwise the control loop fades the jump out."""
+    keeps_offset: ClassVar[bool] = False
+    """Whether the offset found on taking over stays where an operator moves the stage: it would fade over a
+    `handover_time`, and nothing that is measured tells this controller that the stage moves meanwhile.
+    """
 
     @abstractmethod
     def init(self, model: Chain, feedback: Feedback) -> Any:

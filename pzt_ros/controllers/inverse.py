@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pzt_ros.controllers.controller import Controller, Feedback, fade, model_offset
+from pzt_ros.controllers.controller import NEVER, Controller, Feedback, fade, model_offset
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.quantities import parameter
@@ -20,8 +20,9 @@ class Inverse(Controller):
 
     kind: ClassVar[str] = "inverse"
     takes_over_smoothly: ClassVar[bool] = True
+    keeps_offset: ClassVar[bool] = True
 
-    handover_time: float = parameter(0.1, "s", "over which the model's offset at take-over fades", bounds=(1e-3, 10.0))
+    handover_time: float = parameter(0.1, "s", "over which the model's offset at take-over fades", bounds=(1e-3, NEVER))
 
     def init(self, model: Chain, feedback: Feedback) -> tuple[float, float]:
         """The model's offset now [m], and the time of taking over [s]."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.controllers.broken_line import corners, line_through
-from pzt_ros.controllers.controller import Controller, Feedback, fade, model_offset, tracking_error
+from pzt_ros.controllers.controller import NEVER, Controller, Feedback, fade, model_offset, tracking_error
 from pzt_ros.controllers.inverse import inverse_voltage
 from pzt_ros.controllers.pi import sample_period
 from pzt_ros.physics.chain import Chain
@@ -75,6 +75,7 @@ class Learning(Controller):
 
     kind: ClassVar[str] = "learning"
     takes_over_smoothly: ClassVar[bool] = True
+    keeps_offset: ClassVar[bool] = True
 
     period: float = parameter(0.1, "s", "of the scan", bounds=(1e-3, 1e3))
     gain: float = parameter(1.0, "1", "share of the error learned from the first cycle", bounds=(0.0, 2.0))
@@ -86,7 +87,7 @@ class Learning(Controller):
     correction_limit: float = parameter(
         5e-6, "m", "the correction stays within plus and minus this", bounds=(0.0, 1e-3)
     )
-    handover_time: float = parameter(0.1, "s", "over which the model's offset at take-over fades", bounds=(1e-3, 10.0))
+    handover_time: float = parameter(0.1, "s", "over which the model's offset at take-over fades", bounds=(1e-3, NEVER))
 
     def init(self, model: Chain, feedback: Feedback) -> Learned:
         """Nothing learned."""

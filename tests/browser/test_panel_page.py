@@ -57,6 +57,7 @@ def test_enable_scan_crash_reset(browser: Any, tmp_path: Path, pictures: Path) -
             shown.see("DISABLED")
             shown.page.wait_for_function("document.body.innerText.includes('● controller')")
             shown.enable()
+            check_held(shown)  # by a controller that knows nothing of what has been
             shown.click("jog-up")
             shown.hear("following a trajectory")
             check_page(shown, panel)
@@ -101,6 +102,15 @@ def operate(shown: PanelPage, pictures: Path) -> None:
     shown.hear("still moving")
     shown.click("hold")
     shown.hear("following a trajectory for 0.000 s")
+
+
+def check_held(shown: PanelPage) -> None:
+    """The stage stays where it was enabled; the last of the rows are of a hold."""
+    shown.page.wait_for_timeout(500)
+    last = shown.rows()[-5:]
+    errors = [abs(row[2] - row[1]) for row in last if row[1] is not None and row[2] is not None]
+    assert errors
+    assert max(errors) < 0.3e-6  # with the line of an open loop it went 3.4 um away
 
 
 def check_page(shown: PanelPage, panel: PanelProcess) -> None:

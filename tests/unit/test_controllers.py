@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from pzt_ros.controllers.inverse_pi import InversePI
 from pzt_ros.controllers.loop import ControlLoop
 from pzt_ros.controllers.open_loop import OpenLoop
 from pzt_ros.controllers.pi import PI, proportional_integral, sample_period
+from pzt_ros.controllers.table import CONTROLLERS
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import ACTUATOR, SENSOR
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference, block_times
+from pzt_ros.scenario import load_scenario
 
 RATE, SIZE = 20e3, 100
 NO_MODEL = Chain("none", ())
@@ -133,6 +136,22 @@ def test_inverse_reaches_the_reference_on_its_own_model(controller: Controller) 
     settled = slice(4000, None)  # 0.2 s: what was found on taking over has faded
     assert np.max(np.abs(displacement[settled] - reference[settled])) < 1e-9
     assert np.ptp(voltage[settled]) > 5.0, "it had to work for it"
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_a_restarted_controller_leaves_the_stage_where_an_operator_has_it(kind: str, tmp_path: Path) -> None:
+    """It knows nothing of the past of a stage that was poled; no controller may go where its own model says."""
+    file = tmp_path / "manual.yaml"
+    file.write_text("{plant: bench-stage, model: thesis-p2, manual: {}}", encoding="utf-8")
+    scenario = load_scenario(file)
+    bench = ModelIsPlant(scenario.controllers[kind], scenario.timing.handover_time)
+    bench.pole()
+    bench.run(VOLTAGE, np.concatenate((np.linspace(60, 0, 1000), np.zeros(4000))))  # and disabled for a while
+    chain = load_chain("thesis-p2")
+    bench.control = ControlLoop(chain, scenario.controllers, Rest(), kind, scenario.timing.handover_time)
+    here = bench.feedback.measurement[-1]
+    _, displacement = bench.run(DISPLACEMENT, np.full(10000, here))
+    assert np.max(np.abs(displacement - here)) < 0.1e-6  # with a line of its own the open loop went 3 um away
 
 
 def test_hand_over_fades_to_nothing() -> None:
