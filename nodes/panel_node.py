@@ -15,7 +15,7 @@ from typing import Any
 
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from pzt_config.topics import TOPICS
@@ -47,8 +47,9 @@ class PanelNode(GraphNode):
         self._ears = Node(
             "panel_ears", namespace=self.get_namespace(), start_parameter_services=False, enable_rosout=False
         )
-        self._blocks = {name: self._subscribe(name, DEPTH) for name in SOURCES}
-        self._diagnostics = self._subscribe("/diagnostics", DEPTH)
+        # A block that is lost is not missed on a screen; to have it sent again costs those who send it.
+        self._blocks = {name: self._subscribe(name, ReliabilityPolicy.BEST_EFFORT) for name in SOURCES}
+        self._diagnostics = self._subscribe("/diagnostics", ReliabilityPolicy.RELIABLE)
         self._log = self._ears.create_subscription(Log, "/rosout", lambda _: None, QoSProfile(depth=DEPTH), raw=True)
         self._said = threading.Lock()
         self._clicks: queue.SimpleQueue[str | None] = queue.SimpleQueue()
@@ -56,11 +57,11 @@ class PanelNode(GraphNode):
         self.create_timer(FRAME, self._frame)
         threading.Thread(target=self._read_clicks, name="clicks", daemon=True).start()
 
-    def _subscribe(self, name: str, depth: int) -> Any:
+    def _subscribe(self, name: str, reliability: ReliabilityPolicy) -> Any:
         topic = TOPICS[name]
-        return self._ears.create_subscription(
-            TYPES[topic.type], topic.name, lambda _: None, self._qos(topic, depth), raw=True
-        )
+        qos = self._qos(topic, DEPTH)
+        qos.reliability = reliability
+        return self._ears.create_subscription(TYPES[topic.type], topic.name, lambda _: None, qos, raw=True)
 
     # -- out
 
