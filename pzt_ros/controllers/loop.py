@@ -19,6 +19,9 @@ from pzt_ros.physics.link import AMPLIFIER
 from pzt_ros.physics.signals import REHEARSAL, Array, Rest, Signals
 from pzt_ros.reference import DISPLACEMENT, VOLTAGE, Reference
 
+VOLTAGE_TIME = 0.05
+"""After this time [s] a reference of voltage is what it says, however long an offset of controllers may stay."""
+
 
 class ControlLoop:
     """Turns references into drive, block by block, with whichever controller is active.
@@ -55,6 +58,7 @@ class ControlLoop:
         self._state: Any = None
         self._jump = 0.0
         self._since = 0.0
+        self._fading = handover_time
         self.select(active)
 
     def warm_up(self) -> None:
@@ -157,7 +161,8 @@ class ControlLoop:
             self._state, wanted = controller.step(chain, self._state, reference.time, led, feedback)
         if changed:
             self._source, self._since = source, float(feedback.time[-1])
+            self._fading = min(self.handover_time, VOLTAGE_TIME) if source == VOLTAGE else self.handover_time
             self._jump = 0.0 if smooth else float(feedback.voltage[-1] - wanted[0])
-        if not self._jump or reference.time[0] - self._since > self.handover_time:
+        if not self._jump or reference.time[0] - self._since > self._fading:
             return wanted
-        return wanted + fade(self._jump, reference.time - self._since, self.handover_time)
+        return wanted + fade(self._jump, reference.time - self._since, self._fading)

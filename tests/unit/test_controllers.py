@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.controllers.controller import Controller, Feedback, tracking_error
+from pzt_ros.controllers.controller import NEVER, Controller, Feedback, tracking_error
 from pzt_ros.controllers.inverse import Inverse
 from pzt_ros.controllers.inverse_pi import InversePI
 from pzt_ros.controllers.loop import ControlLoop
@@ -152,6 +152,14 @@ def test_a_restarted_controller_leaves_the_stage_where_an_operator_has_it(kind: 
     here = bench.feedback.measurement[-1]
     _, displacement = bench.run(DISPLACEMENT, np.full(10000, here))
     assert np.max(np.abs(displacement - here)) < 0.1e-6  # with a line of its own the open loop went 3 um away
+
+
+def test_a_voltage_is_what_is_asked_however_long_an_offset_stays() -> None:
+    bench = ModelIsPlant(OpenLoop(), NEVER)
+    bench.pole()
+    bench.run(DISPLACEMENT, np.full(1000, bench.feedback.measurement[-1]))
+    voltage, _ = bench.run(VOLTAGE, np.full(2000, 20.0))
+    np.testing.assert_array_equal(voltage[1100:], 20.0)
 
 
 def test_hand_over_fades_to_nothing() -> None:
