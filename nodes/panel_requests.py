@@ -42,8 +42,10 @@ FOLLOWED, REFUSED = "following a trajectory", "trajectory refused: "
 WORD_WITHIN = 4.0
 """The experiment node says within this time [s] what became of a trajectory."""
 
-ASKED_AGAIN_AFTER = 1.0
-"""An answer about the axis that takes longer [s] is lost: who was asked did not know yet where it should go."""
+ASKING_PERIOD = 0.5
+"""The axis is asked for its model and limits so often [s]: an answer can be lost while who was asked does not know yet
+where it should go.
+"""
 
 FOUND_WITHIN = 3.0
 """A service or a reader that discovery has not brought after this time [s] is not there."""
@@ -84,8 +86,7 @@ class Requests:
         say({"about": {"namespace": node.get_namespace(), "controllers": list(CONTROLLERS)}})
         self._ask_model = node.create_client(GetParameters, "controller/get_parameters")
         self._ask_limits = node.create_client(GetParameters, "amplifier/get_parameters")
-        self._asking = node.create_timer(0.5, self._ask_about)
-        self._ask_again = 0.0
+        self._asking = node.create_timer(ASKING_PERIOD, self._ask_about)
         if read_only:
             return
         self._services = {name: node.create_client(kind, name) for name, kind in SERVICES.items()}
@@ -144,9 +145,6 @@ class Requests:
         """Ask the graph for its model and limits until it has said both."""
         if not (self._ask_model.service_is_ready() and self._ask_limits.service_is_ready()):
             return
-        if time.monotonic() < self._ask_again:
-            return
-        self._ask_again = time.monotonic() + ASKED_AGAIN_AFTER
         answers: dict[str, Any] = {}
 
         def collect(name: str, future: Any) -> None:

@@ -57,7 +57,7 @@ class Controller(ABC):
     """Whether its first voltage after `init` continues the one found; otherwise the control loop fades the jump out."""
     keeps_offset: ClassVar[bool] = False
     """Whether the offset found on taking over stays where an operator moves the stage: it would fade over a
-    `handover_time`, and nothing that is measured tells this controller that the stage moves meanwhile.
+    `handover_time` [s], and nothing that is measured would keep the stage in its place meanwhile.
     """
 
     @abstractmethod

@@ -16,8 +16,6 @@ from pzt_ros.panel.motion import SHAPES, Envelope, Point, jog, scan
 CHOICE_KNOWN = 2.5
 """After this time [s] the controller that is shown is the one that the node says is in charge."""
 
-UNKNOWN = "the window of the stage is not known yet; wait"
-
 POLING = "Poling drives the stage to its highest voltage and back, over about 20 s, whatever it carries."
 
 
@@ -136,7 +134,7 @@ class Controls:
             if here is None:
                 raise BenchError("the stage is not enabled; enable it first")
             if envelope is None:
-                raise BenchError(self._board.about.get("problem", UNKNOWN))
+                raise BenchError(self._board.about.get("problem", "the window of the stage is not known yet; wait"))
             points = plan(envelope, here)
         except BenchError as error:
             self._say(Answer(False, str(error)))
