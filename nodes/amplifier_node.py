@@ -51,13 +51,14 @@ class AmplifierNode(ManagedNode):
         self._enabled_at = 0
         self._left_enabled = -ON_ITS_WAY
         self._stopping = False
-        self._ramp_due = 0.0
+        self._ramp_due, self._watched = 0.0, 0.0
         self._ears = Ears(self, ("measurement", "estimate"))
         self.listen("drive", self._on_drive)
         self.create_service(SetBool, "enable", self._on_enable)
         self.create_service(Trigger, "reset", self._on_reset)
         self.create_service(Trigger, "discharge", self._on_discharge)
-        self.create_timer(self.block_size / self.sample_rate, self._watch)
+        self._block_period = self.block_size / self.sample_rate
+        self.create_timer(self._block_period, self._watch)
         self._look_period = min(LOOK_PERIOD, LOOK_BLOCKS * self.block_size / self.sample_rate)
         self.create_timer(self._look_period, self._look)
         on_change(self, self._on_parameters)
@@ -99,12 +100,21 @@ class AmplifierNode(ManagedNode):
     # -- blocks
 
     def _on_drive(self, block: Block) -> None:
+        self._follow(block)
+        self._keep_watch()
+
+    def refuse(self, name: str, why: str) -> None:
+        """Count a message that cannot be used, and keep watch meanwhile."""
+        super().refuse(name, why)
+        self._keep_watch()
+
+    def _follow(self, block: Block) -> None:
         now = time.monotonic()
         age = self.watch.age(now)
         if self.amplifier.state == ENABLED:
             self._ages.add(age)
             if self._paced:
-                self.watch.paced(age, self.block_size / self.sample_rate)
+                self.watch.paced(age, self._block_period)
         elif now - self._left_enabled < ON_ITS_WAY:
             self.amplifier.counts["not followed: on its way when commands were followed no longer"] += 1
             return
@@ -123,10 +133,15 @@ class AmplifierNode(ManagedNode):
 
     # -- what goes on beside the blocks
 
+    def _keep_watch(self) -> None:
+        """The executor has its timers wait while messages come: a flood of them must not put the watchdog to sleep."""
+        if time.monotonic() - self._watched > 2.0 * self._block_period:
+            self._watch()
+
     def _watch(self) -> None:
         """Every block period on the wall clock: the watchdog, and the ramp to 0 V."""
         amplifier = self.amplifier
-        now = time.monotonic()
+        now = self._watched = time.monotonic()
         if self.watch.unmeasured(now) > 2 * self._look_period:  # nobody is blamed for what has only not been looked at
             self._look()
         self.watch.look(now)
@@ -159,7 +174,7 @@ class AmplifierNode(ManagedNode):
                 self._ramp_due = 0.0
                 return
             self._publish(applied)
-            self._ramp_due += self.block_size / self.sample_rate
+            self._ramp_due += self._block_period
 
     def _show_state(self) -> None:
         amplifier = self.amplifier

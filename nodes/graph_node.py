@@ -31,6 +31,8 @@ from pzt_ros.wire import encode
 
 SETTLE_TIME = 0.5
 """Readers are given this long [s] to have all: DDS asks them for what they lack only every 3 s, so mostly it is all."""
+COMPLAINTS = 1.0
+"""What goes on is complained of so seldom [s]."""
 PLOT_RATE = 50.0
 """The decimated topics for plotters are published at most this often [Hz]."""
 
@@ -51,6 +53,7 @@ class GraphNode(Node):
         self.exit_code: int | None = None
         self._publishers_by_topic = {topic.name: self._publisher(topic) for topic in published_by(name)}
         self._plotted: dict[str, float] = {}
+        self._complained: dict[str, float] = {}
         if needs_timing:
             self.timing = declare_all(self, "", Timing(), read_only=True)
             self.sample_rate = self.timing.sample_rate
@@ -125,7 +128,16 @@ class GraphNode(Node):
     def refuse(self, name: str, why: str) -> None:
         """Count a message that cannot be used, and say why (at most once a second)."""
         self.counts[f"refused on {name}"] += 1
-        self.get_logger().warning(f"message on '{name}' refused: {why}", throttle_duration_sec=1.0)
+        if self.may_complain(name):
+            self.get_logger().warning(f"message on '{name}' refused: {why}")
+
+    def may_complain(self, of: str) -> bool:
+        """Whether nothing was said of it for a second; rclpy's own throttle looks for its caller each time, 0.4 ms."""
+        now = time.monotonic()
+        if now - self._complained.get(of, -COMPLAINTS) < COMPLAINTS:
+            return False
+        self._complained[of] = now
+        return True
 
     def publish(self, name: str, *arrays: NDArray[np.float64]) -> None:
         """Publish a block: one array per column of the table, without its optional ones where there are none."""

@@ -65,7 +65,8 @@ class SensorNode(ManagedNode):
             measurement = self.driver.read(block.time, truth)
         except BenchError as error:
             self.counts["sensor could not be read"] += 1
-            self.get_logger().error(str(error), throttle_duration_sec=1.0)
+            if self.may_complain("sensor"):
+                self.get_logger().error(str(error))
             return
         self.ticks += 1
         self.publish("measurement", block.time, measurement)

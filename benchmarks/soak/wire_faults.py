@@ -184,26 +184,30 @@ def silence(bench: LoneAmplifier, _rng: np.random.Generator) -> None:
     bench.command = lambda _time, _values: []
 
 
-def flood(bench: LoneAmplifier, rng: np.random.Generator) -> Callable[[], None]:
-    """From now on ten thousand blocks a second, none of them in turn, and no others."""
-    data, over = as_bytes(np.arange(SIZE) / RATE, np.zeros(SIZE)), threading.Event()
+def flood(data: bytes) -> Harm:
+    """From now on the same message ten thousand times a second, and no others."""
 
-    def send() -> None:
-        begin, sent = time.monotonic(), 0
-        while not over.is_set():
-            bench.senders["drive"].publish(data)
-            sent += 1
-            time.sleep(max(begin + sent * 1e-4 - time.monotonic(), 0.0))
+    def harm(bench: LoneAmplifier, rng: np.random.Generator) -> Callable[[], None]:
+        over = threading.Event()
 
-    sender = threading.Thread(target=send)
-    silence(bench, rng)
-    sender.start()
+        def send() -> None:
+            begin, sent = time.monotonic(), 0
+            while not over.is_set():
+                bench.senders["drive"].publish(data)
+                sent += 1
+                time.sleep(max(begin + sent * 1e-4 - time.monotonic(), 0.0))
 
-    def tidy_up() -> None:
-        over.set()
-        sender.join()
+        sender = threading.Thread(target=send)
+        silence(bench, rng)
+        sender.start()
 
-    return tidy_up
+        def tidy_up() -> None:
+            over.set()
+            sender.join()
+
+        return tidy_up
+
+    return harm
 
 
 def second_sender(bench: LoneAmplifier, _rng: np.random.Generator) -> Callable[[], None]:
@@ -362,7 +366,10 @@ WIRE_FAULTS = (
             "limited: voltage window", LIMITED),
     goes_on("command over slew", "a block that leaps by 30 V and back, sample by sample", before_the_next(
         lambda t, v, _: [as_bytes(t, v + 30.0 * (np.arange(SIZE) % 2))], instead=True), "limited: slew rate", LIMITED),
-    safe("command flood", "10 000 blocks a second, none in turn, and no others", flood, "no command"),
+    safe("command flood", "10 000 blocks a second, none in turn, and no others",
+         flood(as_bytes(np.arange(SIZE) / RATE, np.zeros(SIZE))), "no command"),
+    safe("flood of what is no block", "10 000 times a second the first half of a block, and nothing else",
+         flood(as_bytes(np.arange(SIZE) / RATE, np.zeros(SIZE))[: 8 * SIZE]), "no command"),
     goes_on("wrong block shape", "a block of 99 samples",
             before_the_next(lambda t, v, _: [as_bytes(t[1:], v[1:])]), "refused: wrong block size"),
     Fault("fuzzed blocks", f"{FUZZED_AT_ONCE} blocks with bytes changed, cut or added, among good ones", WITHIN_LIMITS,
