@@ -1,10 +1,10 @@
 """The live panel beside a graph: frames a second, what page and node cost, and what the graph's ticks notice of them.
 
-One graph follows a scan in real time; windows without a panel, with one that nobody looks at, with one whose browser is
-as if on another computer (it takes every frame in, draws none, and gets what processor time the others leave), with one
-that draws in what time the others leave, and with one that draws beside the graph as any program would, take turns in
-the same run: what a browser takes is not the panel's. The ticks are timed by the bag: from the plant's truth to the
-amplifier's answer to it.
+One graph follows a scan in real time; windows without a panel, with one that nobody looks at, with one whose page is on
+another computer (its websocket is here, and drained; no browser is), with one whose browser draws in what processor
+time the others leave, and with one that draws beside the graph as any program would, take turns in the same run: what a
+browser takes is not the panel's. The ticks are timed by the bag: from the plant's truth to the amplifier's answer to
+it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from subprocess import PIPE
 from typing import Any
 
 import numpy as np
@@ -45,12 +46,10 @@ FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--
 SETTLE, START_TIMEOUT = 5.0, 60.0
 """Nothing is measured for so long after a panel came or went; what is not there by then never will be [s]."""
 
-WITHOUT, UNSEEN, AWAY = "no panel", "panel, no page", "panel, page as if elsewhere"
+WITHOUT, UNSEEN, AWAY = "no panel", "panel, no page", "panel, page elsewhere"
 POLITE, DRAWN = "panel, page draws, lowest priority", "panel, page draws"
 KINDS = (WITHOUT, UNSEEN, AWAY, POLITE, DRAWN)
 """Of windows."""
-
-NO_DRAWING = "window.requestAnimationFrame = () => 0"
 
 SCENARIO = """
 scenario: manual, for the panel's benchmark
@@ -99,11 +98,7 @@ def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
             for turn in range(turns):
                 for kind in windows:
                     tell(f"{kind}, {turn + 1} of {turns}")
-                    with _page(domain, folder, kind != UNSEEN) if kind != WITHOUT else nullcontext() as page:
-                        if kind == AWAY:
-                            page.page.evaluate(NO_DRAWING)
-                        if kind in (AWAY, POLITE):
-                            _stand_back(page.browser)
+                    with _panel(domain, folder, kind) if kind != WITHOUT else nullcontext() as page:
                         time.sleep(SETTLE)
                         windows[kind].append(_watch(page, length))
         ticks = _ticks(folder / "run" / "bag")
@@ -166,26 +161,29 @@ async def _granted(feed: NodeFeed, **request: Any) -> None:
 
 @dataclass(frozen=True)
 class _Page:
-    """The panel's two processes, and the page in the browser, if one is open."""
+    """A page that is open, and the processes that show it.
 
-    panel: int
-    browser: list[int]
-    page: Any = None
+    Attributes:
+        shown_by: the processes.
+        counts: frames pushed to the page and drawn by it, so far.
+        wait: for a while [s]; Playwright wants to be waited with.
+    """
 
-    def counts(self) -> dict[str, int]:
-        """Frames pushed to the page and drawn by it, so far."""
-        if self.page is None:
-            return {"pushed": 0, "drawn": 0}
-        found: dict[str, int] = self.page.evaluate("getElement(document.querySelector('.scope').id.slice(1)).counts()")
-        return found
+    shown_by: list[int]
+    counts: Callable[[], dict[str, int]]
+    wait: Callable[[float], None] = time.sleep
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """The panel's two processes, and the page, if one is open."""
+
+    pid: int
+    page: _Page | None
 
 
 @contextmanager
-def _page(domain: int, folder: Path, opened: bool) -> Iterator[_Page]:
-    try:
-        from playwright.sync_api import sync_playwright
-    except ModuleNotFoundError:
-        raise BenchError("this benchmark drives Chromium with Playwright; pip install playwright") from None
+def _panel(domain: int, folder: Path, kind: str) -> Iterator[_Panel]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -193,26 +191,62 @@ def _page(domain: int, folder: Path, opened: bool) -> Iterator[_Page]:
     with open(folder / "panel.log", "a", encoding="utf-8") as log:
         panel = subprocess.Popen([str(Path(sys.executable).with_name("pzt")), *words], stdout=log, stderr=log)
     try:
-        if not opened:
-            _wait_for_server(port)
-            yield _Page(panel.pid, [])
-            return
-        with sync_playwright() as playwright:
-            before = set(_descendants(os.getpid()))
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
-            page = browser.new_page(viewport={"width": 1440, "height": 900})
-            _wait_for_server(port)
-            _open(page, f"http://127.0.0.1:{port}/")
-            yield _Page(panel.pid, sorted(set(_descendants(os.getpid())) - before), page)
-            browser.close()
+        _wait_for_server(port)
+        with _page(port, kind) as page:
+            yield _Panel(panel.pid, page)
     finally:
         panel.send_signal(signal.SIGINT)
         panel.wait()
 
 
-def _stand_back(browser: list[int]) -> None:
-    """The browser's session gets the least share of time there is (sched(7), autogroup)."""
-    for pid in browser:
+def _page(port: int, kind: str) -> AbstractContextManager[_Page | None]:
+    if kind == UNSEEN:
+        return nullcontext()
+    return _elsewhere(port) if kind == AWAY else _in_chromium(port, polite=kind == POLITE)
+
+
+@contextmanager
+def _elsewhere(port: int) -> Iterator[_Page]:
+    """The other end of a page's websocket; what it costs here is the other computer's."""
+    command = [sys.executable, "-m", "pzt_benchmarks.page_elsewhere", str(port)]
+    with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True, bufsize=1, start_new_session=True) as page:
+        assert page.stdin is not None
+        assert page.stdout is not None
+        asking, answering = page.stdin, page.stdout
+
+        def counts() -> dict[str, int]:
+            asking.write("\n")
+            return {"pushed": int(answering.readline()), "drawn": 0}
+
+        _stand_back([page.pid])
+        counts()  # it is there
+        yield _Page([page.pid], counts)
+        asking.close()
+
+
+@contextmanager
+def _in_chromium(port: int, *, polite: bool) -> Iterator[_Page]:
+    try:
+        from playwright.sync_api import sync_playwright
+    except ModuleNotFoundError:
+        raise BenchError("this benchmark drives Chromium with Playwright; pip install playwright") from None
+    with sync_playwright() as playwright:
+        before = set(_descendants(os.getpid()))
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        page.goto(f"http://127.0.0.1:{port}/")
+        page.wait_for_function("document.querySelector('[data-is=headline]')?.textContent === 'ENABLED'", timeout=60e3)
+        processes = sorted(set(_descendants(os.getpid())) - before)
+        if polite:
+            _stand_back(processes)
+        count = "getElement(document.querySelector('.scope').id.slice(1)).counts()"
+        yield _Page(processes, lambda: page.evaluate(count), lambda seconds: page.wait_for_timeout(1e3 * seconds))
+        browser.close()
+
+
+def _stand_back(processes: list[int]) -> None:
+    """Their session gets the least share of time there is (sched(7), autogroup)."""
+    for pid in processes:
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, pid, LOWEST)
             if os.getsid(pid) != os.getsid(0):
@@ -228,29 +262,17 @@ def _wait_for_server(port: int) -> None:
             time.sleep(0.2)
 
 
-def _open(page: Any, address: str) -> None:
-    page.goto(address)
-    page.wait_for_function("document.querySelector('[data-is=headline]')?.textContent === 'ENABLED'", timeout=60e3)
-
-
-def _watch(page: _Page | None, length: float) -> Window:
+def _watch(panel: _Panel | None, length: float) -> Window:
     """Frames and processor time over a window of `length` [s]."""
     begin, started = time.time_ns(), time.monotonic()
-    if page is None:
+    if panel is None:
         time.sleep(length)
         return Window(begin, time.time_ns())
-    groups = {
-        "page": [page.panel],
-        "node": _descendants(page.panel),
-        "browser": page.browser,
-    }
+    page = panel.page or _Page([], lambda: {"pushed": 0, "drawn": 0})
+    groups = {"page": [panel.pid], "node": _descendants(panel.pid), "browser": page.shown_by}
     counts, spent = page.counts(), {name: _processor_time(pids) for name, pids in groups.items()}
-    if page.page is None:
-        time.sleep(length)
-    else:
-        page.page.wait_for_timeout(1e3 * length)
-    after = page.counts()
-    took = time.monotonic() - started
+    page.wait(length)
+    after, took = page.counts(), time.monotonic() - started
     shares = {name: (_processor_time(pids) - spent[name]) / took for name, pids in groups.items()}
     frames = {name: (after[name] - counts[name]) / took for name in ("pushed", "drawn")}
     return Window(begin, time.time_ns(), **frames, **shares)
@@ -290,7 +312,7 @@ def _ticks(bag: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
 
 def _cost(windows: dict[str, list[Window]]) -> Table:
-    heads = ("windows", "frames/s to the page", "drawn/s", "page", "node", "page and node", "the browser itself")
+    heads = ("windows", "frames/s to the page", "drawn/s", "page", "node", "page and node", "what shows it")
     rows = [
         (
             kind, f"{w.pushed:.1f}", f"{w.drawn:.1f}", _percent(w.page), _percent(w.node),
