@@ -23,6 +23,7 @@ BENCHMARKS = {
     "observer": "unknown_histories",
     "optimal": "optimal_control",
     "panel": "panel",
+    "endurance": "endurance",
 }
 """Every benchmark by name, and the file whose `measure(quick, tell)` returns its tables; a new one is one line here."""
 

@@ -37,8 +37,8 @@ RULES = """
   own time stands still. In real time late commands are counted, and too many of them are a fault (`late_*`); a run as
   fast as possible has no pace to miss.
 * A driver may measure a temperature (`Thermometer` in `amplifier.py`); nothing is enabled or reset while it is too hot.
-* The watchdog looks after each message as well as by its timer: an executor has its timers wait while messages come, and
-  a flood would put it to sleep.
+* The watchdog looks after each message as well as by its timer: an executor has its timers wait while messages come,
+  and a flood would put it to sleep.
 * Two publishers are counted by the discovery of DDS: one that was killed with -9 counts for up to 3 s more.
 """
 

@@ -20,8 +20,9 @@ from pzt_ros.errors import RunFailedError
 
 DRAIN_PERIOD = 0.02
 """The queues are emptied this often [s]: rarely costs fewer wake-ups, often finds the messages still in the cache."""
-FLUSH_PERIOD = 0.1
-"""What was read is handed to the system this often [s]; a crash loses no more than this."""
+FLUSH_PERIOD = 0.5
+"""What was read is handed to the system this often [s]; a crash loses no more than this. Each time makes a chunk, whose
+index stays in memory until the file ends."""
 
 
 class RecorderNode(GraphNode):

@@ -1,7 +1,9 @@
 """Writing a rosbag2 folder (MCAP storage) as `ros2 bag record` of Jazzy does, without ROS.
 
-The file is readable up to the last `flush()` whatever happens afterwards. `metadata.yaml` is written at the end only:
+A file is readable up to the last `flush()` whatever happens afterwards. `metadata.yaml` is written at the end only:
 a folder without it is how rosbag2 itself marks an unfinished recording, and one with a count of 0 would be believed.
+A bag is split into files of 1 GB (as by `ros2 bag record --max-bag-size`): MCAP keeps an index of every chunk in memory
+until its file ends, 1.4 kB for each, which was 50 MB an hour in one file.
 Fields follow rosbag2 (branch jazzy): rosbag2_storage/yaml.hpp, qos.cpp, rosbag2_storage_mcap/mcap_storage.cpp.
 """
 
@@ -9,7 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -23,7 +25,8 @@ from pzt_ros.records import write_text
 
 METADATA_VERSION = 9
 _NO_TIME = 2**63 - 1  # what rosbag2 writes as the starting time of an empty bag
-_CHUNK_BYTES = 1024 * 1024
+_CHUNK_BYTES = 4 * 1024 * 1024
+FILE_BYTES = 1_000_000_000
 _MOST_TIME = {"sec": 9223372036, "nsec": 854775807}  # RMW_DURATION_INFINITE
 
 
@@ -45,36 +48,82 @@ def typestore() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+@dataclass
+class _Span:
+    """How many messages there were, and from when to when [ns since 1970]."""
+
+    first: int = _NO_TIME
+    last: int = 0
+    count: int = 0
+
+    def take(self, times: Sequence[int]) -> None:
+        """Count messages logged at these times."""
+        if times:
+            self.first, self.last = min(self.first, *times), max(self.last, *times)
+            self.count += len(times)
+
+    def mapping(self) -> dict[str, Any]:
+        """As metadata.yaml has it."""
+        return {
+            "starting_time": {"nanoseconds_since_epoch": self.first},
+            "duration": {"nanoseconds": self.last - self.first if self.count else 0},
+            "message_count": self.count,
+        }
+
+
 class BagWriter:
     """A rosbag2 folder being written; messages are stored as the bytes they arrive in.
 
     Args:
         folder: is made, parents included; must not exist or be empty.
+        file_bytes: the first flush after so many bytes begins the next file.
+
+    Attributes:
+        file: that is being written.
 
     Raises:
         BenchError: the folder holds something already, or cannot be made.
     """
 
-    def __init__(self, folder: str | Path) -> None:
+    def __init__(self, folder: str | Path, file_bytes: int = FILE_BYTES) -> None:
         self.folder = Path(folder)
-        self.file = self.folder / f"{self.folder.resolve().name}_0.mcap"
+        self._file_bytes = file_bytes
         self._topics: dict[int, dict[str, Any]] = {}
         self._counts: dict[int, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._first, self._last = _NO_TIME, 0
+        self._all = _Span()
+        self._files: list[tuple[str, _Span]] = []
         self._failure: str | None = None
         self._closed = False
         _make_empty(self.folder)
+        self._name_file()
         try:
             self._stream = self.file.open("xb")
         except OSError as error:
             raise BenchError(f"{self.file}: cannot write: {error.strerror}; choose another folder") from None
-        self._mcap = Writer(
+        self._guarded(self._begin_file)
+
+    def _name_file(self) -> None:
+        self.file = self.folder / f"{self.folder.resolve().name}_{len(self._files)}.mcap"
+        self._files.append((self.file.name, _Span()))
+
+    def _begin_file(self) -> None:
+        self._full = False
+        self._schemas: dict[str, int] = {}
+        self._mcap: Any = Writer(
             self._stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.NONE, enable_data_crcs=True
         )
-        self._guarded(self._mcap.start, profile="ros2", library="pzt_ros")
+        self._mcap.start(profile="ros2", library="pzt_ros")
         # rosbag2 too writes this record twice; after a kill the first one still tells the version of the QoS text
-        self._guarded(self._add_metadata_record)
+        self._add_metadata_record()
+        for channel, topic in self._topics.items():
+            again = self._register(topic)
+            assert again == channel  # MCAP counts them
+
+    def _end_file(self) -> None:
+        self._mcap.flush()  # the metadata record belongs behind the last chunk
+        self._add_metadata_record()
+        self._mcap.finish()
+        self._stream.close()
 
     def add_topic(self, name: str, type_name: str, qos: Any = None) -> int:
         """Announce a topic; returns the channel to write to.
@@ -90,24 +139,26 @@ class BagWriter:
         qos = qos or Qos()
         if type_name not in typestore().fielddefs:
             raise BenchError(f"topic {name}: unknown message type {type_name}; only the common interfaces are recorded")
-        definition, _ = typestore().generate_msgdef(type_name, ros_version=2)
-        type_hash = typestore().hash_rihs01(type_name)
-        if type_name not in self._schemas:
-            self._schemas[type_name] = self._guarded(
-                self._mcap.register_schema, name=type_name, encoding="ros2msg", data=definition.encode()
-            )
-        channel: int = self._guarded(
-            self._mcap.register_channel,
-            topic=name,
+        topic = {"name": name, "type": type_name, "qos": qos, "hash": typestore().hash_rihs01(type_name)}
+        channel: int = self._guarded(self._register, topic)
+        self._topics[channel], self._counts[channel] = topic, 0
+        return channel
+
+    def _register(self, topic: dict[str, Any]) -> int:
+        """Announce a topic in the file that is being written."""
+        kind = topic["type"]
+        if kind not in self._schemas:
+            definition, _ = typestore().generate_msgdef(kind, ros_version=2)
+            self._schemas[kind] = self._mcap.register_schema(name=kind, encoding="ros2msg", data=definition.encode())
+        channel: int = self._mcap.register_channel(
+            topic=topic["name"],
             message_encoding="cdr",
-            schema_id=self._schemas[type_name],
+            schema_id=self._schemas[kind],
             metadata={
-                "offered_qos_profiles": yaml.safe_dump([_qos_mapping(qos)], sort_keys=False).strip(),
-                "topic_type_hash": type_hash,
+                "offered_qos_profiles": yaml.safe_dump([_qos_mapping(topic["qos"])], sort_keys=False).strip(),
+                "topic_type_hash": topic["hash"],
             },
         )
-        self._topics[channel] = {"name": name, "type": type_name, "qos": qos, "hash": type_hash}
-        self._counts[channel] = 0
         return channel
 
     def write(self, channel: int, data: bytes, log_time_ns: int, publish_time_ns: int | None = None) -> None:
@@ -124,19 +175,32 @@ class BagWriter:
         self._guarded(self._write_all, messages)
 
     def _write_all(self, messages: Iterable[tuple[int, bytes, int, int]]) -> None:
-        add, counts = self._mcap.add_message, self._counts
+        if self._full:
+            self._next_file()
+        add, counts, times = self._mcap.add_message, self._counts, []
         for channel, data, logged, published in messages:
             add(channel, logged, data, published)
             counts[channel] += 1
-            self._first = min(self._first, logged)
-            self._last = max(self._last, logged)
+            times.append(logged)
+        self._all.take(times)
+        self._files[-1][1].take(times)
 
     def flush(self) -> None:
         """Close the chunk and hand it to the system: a kill -9 right after loses nothing, a power cut may.
 
-        Raises as `write`.
+        What is written next goes to the next file if this one is long enough. Raises as `write`.
         """
-        self._guarded(self._mcap.flush)
+        self._guarded(self._flush)
+
+    def _flush(self) -> None:
+        self._mcap.flush()
+        self._full = self._stream.tell() >= self._file_bytes
+
+    def _next_file(self) -> None:
+        self._end_file()
+        self._name_file()
+        self._stream = self.file.open("xb")
+        self._begin_file()
 
     def close(self) -> None:
         """Write the summary and metadata.yaml; nothing after a failed write or twice. Raises as `write`."""
@@ -145,10 +209,7 @@ class BagWriter:
         self._closed = True
         if self._failure is not None:
             return
-        self._guarded(self._mcap.flush)  # the metadata record belongs behind the last chunk
-        self._guarded(self._add_metadata_record)
-        self._guarded(self._mcap.finish)
-        self._guarded(self._stream.close)
+        self._guarded(self._end_file)
         self._failure = f"{self.file}: the bag is closed; open a new one"
         content = {"rosbag2_bagfile_information": self._information()}
         write_text(self.folder / "metadata.yaml", [yaml.safe_dump(content, sort_keys=False)])
@@ -181,29 +242,18 @@ class BagWriter:
         self._stream.flush()
 
     def _information(self) -> dict[str, Any]:
-        count = sum(self._counts.values())
-        duration = self._last - self._first if count else 0
         return {
             "version": METADATA_VERSION,
             "storage_identifier": "mcap",
-            "duration": {"nanoseconds": duration},
-            "starting_time": {"nanoseconds_since_epoch": self._first},
-            "message_count": count,
+            **self._all.mapping(),
             "topics_with_message_count": [
                 {"topic_metadata": _topic_mapping(topic), "message_count": self._counts[channel]}
                 for channel, topic in self._topics.items()
             ],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [self.file.name],
-            "files": [
-                {
-                    "path": self.file.name,
-                    "starting_time": {"nanoseconds_since_epoch": self._first},
-                    "duration": {"nanoseconds": duration},
-                    "message_count": count,
-                }
-            ],
+            "relative_file_paths": [name for name, _ in self._files],
+            "files": [{"path": name, **span.mapping()} for name, span in self._files],
             "custom_data": {},
             "ros_distro": "jazzy",
         }

@@ -19,7 +19,7 @@ def bench(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            help="benchmarks to run: ticks, measured, physics (by default these), tracking, observer, panel",
+            help="benchmarks to run: ticks, measured, physics (by default these), tracking, observer, optimal, panel, endurance",
             show_default=False,
         ),
     ] = None,
@@ -29,7 +29,8 @@ def bench(
     """Measure every figure of the README's performance table on this machine, as ratios in one run.
 
     They take about ten minutes and want an otherwise idle machine. `pzt bench tracking`, every controller on a triangle
-    at 1, 10 and 100 Hz, takes five minutes, `pzt bench observer`, 1000 unknown histories, ten.
+    at 1, 10 and 100 Hz, takes five minutes, `pzt bench observer`, 1000 unknown histories, ten,
+    `pzt bench endurance`, a simulated hour of the graph in both layouts, forty.
 
     Example: pzt bench physics --quick --out physics.md
     """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from pzt_ros.bags.writer import BagWriter, Qos, typestore
+from pzt_ros.bags.writer import FILE_BYTES, BagWriter, Qos, typestore
 from pzt_ros.blocks import BLOCK_TYPE
 
 START = 1_700_000_000_000_000_000
@@ -53,8 +53,10 @@ def block_values(topic: str, number: int, samples: int = 10) -> np.ndarray:
     return values
 
 
-def write_run(folder: Path, blocks: int = 30, flush_every: int = 5, topics: Any = RUN_TOPICS) -> Path:
-    with BagWriter(folder) as writer:
+def write_run(
+    folder: Path, blocks: int = 30, flush_every: int = 5, topics: Any = RUN_TOPICS, file_bytes: int = FILE_BYTES
+) -> Path:
+    with BagWriter(folder, file_bytes) as writer:
         channels = {topic: writer.add_topic(topic, BLOCK_TYPE, Qos(depth=1000)) for topic in topics}
         for number in range(blocks):
             for topic, channel in channels.items():

@@ -219,6 +219,32 @@ def test_split_bag_is_read_in_order_and_a_missing_part_is_named(tmp_path: Path) 
     assert "split_11.mcap" in bag.notes[0]
 
 
+def test_a_long_bag_is_split_into_files_that_are_whole_by_themselves(tmp_path: Path) -> None:
+    """A flush after 3 kB begins the next file; MCAP then forgets the index of the one before."""
+    folder = write_run(tmp_path / "long", flush_every=5, file_bytes=3000)
+    names = [f"long_{number}.mcap" for number in range(6)]
+    information = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["relative_file_paths"] == names
+    assert [file["path"] for file in information["files"]] == names
+    assert [file["message_count"] for file in information["files"]] == [20] * 6
+    assert information["files"][1]["starting_time"] == {"nanoseconds_since_epoch": START + 5 * PERIOD}
+    assert information["files"][1]["duration"] == {"nanoseconds": 4 * PERIOD}
+    assert information["message_count"] == 120
+    for name in names:
+        summary = make_reader(BytesIO((folder / name).read_bytes()), validate_crcs=True).get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 20
+        assert {channel.topic for channel in summary.channels.values()} == set(RUN_TOPICS)
+    with AnyReader([folder]) as reader:
+        assert reader.message_count == 120
+        assert [when for _, when, _ in reader.messages()] == [START + n * PERIOD for n in range(30) for _ in RUN_TOPICS]
+    bag = open_bag(folder)
+    assert bag.complete, bag.notes
+    for topic in RUN_TOPICS:
+        np.testing.assert_array_equal(bag.blocks(topic).values, expected(topic, 30))
+
+
 def test_empty_bag_is_complete_and_has_its_topics(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "empty") as writer:
         writer.add_topic("/stage/applied", BLOCK_TYPE)
