@@ -19,7 +19,8 @@ def bench(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            help="benchmarks to run: ticks, measured, physics (by default these), tracking, observer, optimal, panel, endurance",
+            help="benchmarks to run: ticks, measured, physics (by default these), tracking, observer, optimal, panel, "
+            "endurance",
             show_default=False,
         ),
     ] = None,
