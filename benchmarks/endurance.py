@@ -29,8 +29,9 @@ SECONDS, QUICK_SECONDS = 3600.0, 20.0
 """Simulated."""
 PROBE = 2.0
 """Memory is looked at this often [s]."""
-SETTLED, END = 0.1, 0.95
-"""Shares of the run: what was loaded and compiled is there by the first; from the second on it may be over."""
+BEGIN, END = (0.1, 0.3), (0.75, 0.95)
+"""Shares of the run: what is loaded and compiled is there by then, and it is not over yet. The least in each counts:
+the recorder's chunks come and go."""
 NODE = re.compile(r"-m pzt_nodes\.(\w+?)(?:_node)?\b")
 PART = 1 / 6
 """Of the run, at its beginning and at its end, in which ticks are timed."""
@@ -103,12 +104,12 @@ def _ticks(bag: Path) -> NDArray[np.float64]:
 
 
 def _memory(hours: dict[str, Hour], seconds: float) -> Table:
-    heads = ("layout", "process", "MB after a tenth", "MB at the end", "growth MB", "growth after the first half MB")
+    heads = ("layout", "process", "least MB, beginning", "least MB, end", "growth MB", "most MB")
     rows = []
     for layout, hour in hours.items():
         for name, held in sorted(hour.memory.items()):
-            begin, middle, end = (held[int(share * (len(held) - 1))] for share in (SETTLED, 0.5, END))
-            rows.append((layout, name, f"{begin:.1f}", f"{end:.1f}", f"{end - begin:+.2f}", f"{end - middle:+.2f}"))
+            begin, end = (min(held[int(a * len(held)) : int(b * len(held)) + 1]) for a, b in (BEGIN, END))
+            rows.append((layout, name, f"{begin:.1f}", f"{end:.1f}", f"{end - begin:+.2f}", f"{max(held):.1f}"))
     return Table(f"Private memory over {seconds / 60:.0f} simulated minutes", heads, rows)
 
 
