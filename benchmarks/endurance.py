@@ -19,9 +19,9 @@ import psutil
 import yaml
 from numpy.typing import NDArray
 
+from pzt_benchmarks.bag_ticks import ticks_in
 from pzt_benchmarks.soak.processes import GraphProcess
 from pzt_benchmarks.table import Table
-from pzt_ros.bags.reader import open_bag
 from pzt_ros.errors import RunFailedError
 from pzt_ros.scenario import load_scenario
 
@@ -80,7 +80,7 @@ def _hour(folder: Path, seconds: float, composed: bool) -> Hour:
         code, said = graph.wait()
     if code:
         raise RunFailedError(f"the graph ended with {code}: {said.strip()[-300:]}")
-    return Hour(memory, _ticks(folder / "run" / "bag"))
+    return Hour(memory, ticks_in(folder / "run" / "bag")[1])
 
 
 def _held(graph: GraphProcess) -> dict[str, float]:
@@ -91,16 +91,6 @@ def _held(graph: GraphProcess) -> dict[str, float]:
             title = NODE.search(" ".join(process.cmdline()))
             found[title[1] if title else "bringup"] = process.memory_full_info().uss / 1e6
     return found
-
-
-def _ticks(bag: Path) -> NDArray[np.float64]:
-    opened = open_bag(bag)
-    asked, answered = (
-        np.array([when for when, _ in opened.messages(topic)]) for topic in ("/stage/truth", "/stage/applied")
-    )
-    following = np.searchsorted(answered, asked, side="right")
-    known = following < len(answered)
-    return 1e-6 * (answered[following[known]] - asked[known])
 
 
 def _memory(hours: dict[str, Hour], seconds: float) -> Table:

@@ -29,9 +29,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pzt_benchmarks.bag_ticks import ticks_in
 from pzt_benchmarks.table import Table
 from pzt_bringup.domain import take_domain
-from pzt_ros.bags.reader import open_bag
 from pzt_ros.errors import BenchError, RunFailedError
 from pzt_ros.panel.board import Board
 from pzt_ros.panel.feed import NodeFeed
@@ -101,7 +101,7 @@ def measure(quick: bool, tell: Callable[[str], None]) -> list[Table]:
                     with _panel(domain, folder, kind) if kind != WITHOUT else nullcontext() as page:
                         time.sleep(SETTLE)
                         windows[kind].append(_watch(page, length))
-        ticks = _ticks(folder / "run" / "bag")
+        ticks = ticks_in(folder / "run" / "bag")
     return [_cost(windows), _effect(windows, *ticks)]
 
 
@@ -299,16 +299,6 @@ def _processor_time(pids: list[int]) -> float:
 
 
 # -- the figures
-
-
-def _ticks(bag: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """When each block of truth was heard [ns], and how long the amplifier's next block took after it [ms]."""
-    opened = open_bag(bag)
-    asked = np.array([when for when, _ in opened.messages("/stage/truth")])
-    answered = np.array([when for when, _ in opened.messages("/stage/applied")])
-    following = np.searchsorted(answered, asked, side="right")
-    asked, following = asked[following < len(answered)], following[following < len(answered)]
-    return asked, 1e-6 * (answered[following] - asked)
 
 
 def _cost(windows: dict[str, list[Window]]) -> Table:

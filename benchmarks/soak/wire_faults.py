@@ -184,6 +184,10 @@ def silence(bench: LoneAmplifier, _rng: np.random.Generator) -> None:
     bench.command = lambda _time, _values: []
 
 
+OUT_OF_TURN = as_bytes(np.arange(SIZE) / RATE, np.zeros(SIZE))
+"""The first block of a run, put out long ago."""
+
+
 def flood(data: bytes) -> Harm:
     """From now on the same message ten thousand times a second, and no others."""
 
@@ -367,9 +371,9 @@ WIRE_FAULTS = (
     goes_on("command over slew", "a block that leaps by 30 V and back, sample by sample", before_the_next(
         lambda t, v, _: [as_bytes(t, v + 30.0 * (np.arange(SIZE) % 2))], instead=True), "limited: slew rate", LIMITED),
     safe("command flood", "10 000 blocks a second, none in turn, and no others",
-         flood(as_bytes(np.arange(SIZE) / RATE, np.zeros(SIZE))), "no command"),
+         flood(OUT_OF_TURN), "no command"),
     safe("flood of what is no block", "10 000 times a second the first half of a block, and nothing else",
-         flood(as_bytes(np.arange(SIZE) / RATE, np.zeros(SIZE))[: 8 * SIZE]), "no command"),
+         flood(OUT_OF_TURN[: len(OUT_OF_TURN) // 2]), "no command"),
     goes_on("wrong block shape", "a block of 99 samples",
             before_the_next(lambda t, v, _: [as_bytes(t[1:], v[1:])]), "refused: wrong block size"),
     Fault("fuzzed blocks", f"{FUZZED_AT_ONCE} blocks with bytes changed, cut or added, among good ones", WITHIN_LIMITS,

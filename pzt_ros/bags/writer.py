@@ -27,6 +27,7 @@ METADATA_VERSION = 9
 _NO_TIME = 2**63 - 1  # what rosbag2 writes as the starting time of an empty bag
 _CHUNK_BYTES = 4 * 1024 * 1024
 FILE_BYTES = 1_000_000_000
+"""A file of a bag is this long."""
 _MOST_TIME = {"sec": 9223372036, "nsec": 854775807}  # RMW_DURATION_INFINITE
 
 
@@ -90,7 +91,6 @@ class BagWriter:
         self._file_bytes = file_bytes
         self._topics: dict[int, dict[str, Any]] = {}
         self._counts: dict[int, int] = {}
-        self._all = _Span()
         self._files: list[tuple[str, _Span]] = []
         self._failure: str | None = None
         self._closed = False
@@ -182,7 +182,6 @@ class BagWriter:
             add(channel, logged, data, published)
             counts[channel] += 1
             times.append(logged)
-        self._all.take(times)
         self._files[-1][1].take(times)
 
     def flush(self) -> None:
@@ -242,10 +241,13 @@ class BagWriter:
         self._stream.flush()
 
     def _information(self) -> dict[str, Any]:
+        spans = [span for _, span in self._files]
+        first, last = min(span.first for span in spans), max(span.last for span in spans)
+        whole = _Span(first, last, sum(span.count for span in spans))
         return {
             "version": METADATA_VERSION,
             "storage_identifier": "mcap",
-            **self._all.mapping(),
+            **whole.mapping(),
             "topics_with_message_count": [
                 {"topic_metadata": _topic_mapping(topic), "message_count": self._counts[channel]}
                 for channel, topic in self._topics.items()
