@@ -33,8 +33,9 @@ class Relay:
     resistance: float = parameter(10e3, "ohm", "resistor the stack is discharged through", bounds=(1.0, 1e7))
     capacitance: float = parameter(0.8e-6, "F", "of the stack", bounds=(1e-12, 1e-2))
     delay: float = parameter(
-        1.0, "s", "silence of the amplifier, on the wall clock, before the relay falls", bounds=(0.01, 60.0)
-    )
+        2.5, "s", "no sign of life of the amplifier (1 Hz when it holds), on the wall clock, before the relay falls",
+        bounds=(1.5, 60.0),
+    )  # fmt: skip
 
 
 class SimulatedStage:

@@ -48,6 +48,14 @@ def check_way_down(graph: GraphProcess) -> None:
     assert -way.min() <= LIMITS.safe_rate / RATE * (1 + 1e-9)
 
 
+def check_stage_stayed_with(graph: GraphProcess) -> None:
+    """The amplifier was alive all the time, so its relay had nothing to do: the stage saw what was put out, no more."""
+    bag = open_bag(graph.folder / "bag")
+    applied, truth = (bag.blocks(f"/stage/{name}") for name in ("applied", "truth"))
+    assert "discharged by its relay" not in log_of(graph, "plant")
+    assert np.array_equal(applied.time, truth.time)
+
+
 # A sensor that stops between two of its readers has measured for the amplifier, and not for the observer.
 MISSED = {"sensor": ("no measurement for", "no command for"), "controller": ("no command for",)}
 
@@ -70,6 +78,7 @@ def test_a_node_that_hangs_is_named(tmp_path: Path, victim: str) -> None:
     assert said.count(" hung ") == 1
     assert alive(processes) == []
     check_way_down(graph)
+    check_stage_stayed_with(graph)
 
 
 def test_a_second_sender_of_commands_is_a_fault(tmp_path: Path) -> None:
