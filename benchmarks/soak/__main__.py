@@ -41,6 +41,7 @@ def main() -> int:
         if fault.name not in known and (not given.only or any(word in fault.name for word in given.only))
     ]
     for result in series(wanted, lambda fault: _times(fault, given.repeat), _tell):
+        result.commit = began.commit
         known[result.fault.name] = result
         print(f"\r{result.fault.name}: {result.performed} times, {len(result.problems)} problems", file=sys.stderr)
         _write(given.results, known)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 from pzt_benchmarks.report import Provenance
@@ -15,6 +16,7 @@ files and times are real, except where a time is of the run. `make test` perform
 (tests/graph/test_fault_table.py).
 
 {provenance}
+{commits}
 
 The limit of a ramp to 0 V is the *declared safe time* of the default limits ([safety](safety.md)): the watchdog's
 patience, the way from the edge of the window at the safe rate, and 0.2 s.
@@ -31,16 +33,21 @@ def page(results: Sequence[Result], not_yet: Sequence[str], made: Provenance) ->
     tail = ["", "## What was not as expected", "", *(problems or ["Nothing."]), ""]
     if not_yet:
         tail += ["## Not in this series yet", "", f"Performed by `make test` only: {', '.join(not_yet)}.", ""]
-    return HEAD.format(provenance=made.line()) + "\n".join([*lines, *tail])
+    return HEAD.format(provenance=made.line(), commits=_commits(results)) + "\n".join([*lines, *tail])
+
+
+def _commits(results: Sequence[Result]) -> str:
+    """A series takes hours and goes on where it stopped, also after a commit: how many rows are of which code."""
+    counted = Counter(result.commit for result in results if not result.skipped)
+    return "Rows performed " + "; ".join(f"on {commit}: {count}" for commit, count in counted.items()) + "."
 
 
 def _row(result: Result) -> tuple[str, ...]:
     fault = result.fault
     if result.skipped:
         return fault.name, fault.made, fault.expected, fault.timed, "0", "", f"{fault.limit:g} s", result.skipped
-    good = result.performed - len(result.problems)
     verdict = "within the limit" if not result.problems else f"**{len(result.problems)} not as expected**"
-    worst = f"{result.worst:.3f} s" if good else ""
+    worst = "" if result.worst is None else f"{result.worst:.3f} s"
     return (
         fault.name,
         fault.made,

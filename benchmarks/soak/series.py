@@ -22,16 +22,18 @@ class Result:
 
     Attributes:
         fault: the row of the table.
-        worst: the longest reaction time among those that were as expected [s].
+        worst: the longest reaction time that was measured [s]; None where none was.
         problems: what was not as expected, one line each.
         skipped: why it was not performed at all; empty otherwise.
+        commit: the code it was performed on.
     """
 
     fault: Fault
     performed: int = 0
-    worst: float = 0.0
+    worst: float | None = None
     problems: list[str] = field(default_factory=list)
     skipped: str = ""
+    commit: str = ""
 
 
 def chance(fault: Fault, trial: int) -> np.random.Generator:
@@ -65,8 +67,8 @@ def _repeated(fault: Fault, bench: object, times: int, tell: Callable[[str], Non
         result.performed += 1
         if problem or seen is None:
             result.problems.append(f"trial {trial}: {problem}")
-        else:
-            result.worst = max(result.worst, seen.seconds)
+        if seen is not None:
+            result.worst = max(result.worst or 0.0, seen.seconds)
         spent = time.monotonic() - began
         tell(f"{fault.name}: {result.performed} of {times}, {len(result.problems)} problems, {spent:.0f} s")
     return result
