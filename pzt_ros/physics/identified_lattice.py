@@ -28,7 +28,7 @@ from pzt_ros.quantities import choice, parameter, table
 FIELD_STEP = 0.5
 """Longest substep over d [-]: 1e-4 of x+ at any rate."""
 
-_shared_table = lru_cache(maxsize=1)(kernel.attempts_table)
+_shared_table = lru_cache(maxsize=8)(kernel.attempts_table)
 
 _DEFAULT_GRID = tuple(float(field) for field in np.linspace(-2e6, 2e6, 9))
 _DEFAULT_WEIGHTS = tuple(
@@ -100,8 +100,9 @@ class IdentifiedLattice(Switching):
         """What the compiled loops need."""
         weight = np.empty(self.lines.size**2 // 4)
         spread_out(np.asarray(self.weights) / hat_sums(self.hats), self.hats, weight)
+        lines = self.lines / self.thermal_field
         return kernel.Relays(
-            lines=self.lines / self.thermal_field,
+            lines=lines,
             weight=weight,
             width=self.thermal_field,
             attempt_rate=1.0 / self.relaxation_time,
@@ -109,7 +110,7 @@ class IdentifiedLattice(Switching):
             offset=self.polarization_offset,
             layer_thickness=self.layer_thickness,
             field_step=FIELD_STEP,
-            attempts=_shared_table(),
+            attempts=_shared_table(float(lines[1] - lines[0])),
         )
 
     def init(self, rest: Rest) -> State:

@@ -12,6 +12,9 @@ exactly, int p dt = (Phi(z1) - Phi(z0)) h d/(tau dE), Phi(z) = int dz/erfcx(z) =
   inner clock int (p + q) dt, through its values at both ends and its mean int p dt/int (p + q) dt: exact for short
   times, and on the equilibrium after long ones (as the collocation of polycrystal_kernel, but with the true mean).
 
+Only the relays near the field have anything to do. In a row where nothing switches down and which has seen _SURE
+attempts up since something did, every x is 1; in a column likewise 0; and a relay that both are far from remembers.
+
 Everything is linear in the x at the start: x(t) = forced(t) + decay(t) x(0), which is how an unknown start is found.
 """
 
@@ -31,19 +34,23 @@ from pzt_ros.physics.signals import Array
 TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
 """State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], every x."""
 
-_FIRST, _LAST, _PER_UNIT = -6.5, 14.0, 32
+_FIRST, _LAST, _PER_UNIT = -11.0, 13.0, 32
 _LEVEL = 1e-4  # climb in units of d below which the rate at the middle is exact enough
 _STEEP = 12.0  # from here on 1/erfcx is sqrt(pi) (z + 1/(2z)) to 1e-5
 _ROOT_PI = math.sqrt(math.pi)
 _FEW = 1e-5  # attempts that do not count where the other rate acts
 _NEVER = 1e-290
+_NOTHING, _FARTHEST = 1e-13, 10.0  # attempts that do not count anywhere; nothing is felt from there
 _FORGOTTEN = 1e-30  # numbers that underflow are slow
+_SURE = 70.0  # after as many attempts exp(-attempts) is below _FORGOTTEN
 _MAX_SUBSTEPS = 1e5
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]
 
-AT, PHI_UP, PHI_DOWN, UP, DOWN_EVEN, DOWN_ODD, MANY_UP, MANY_DOWN, P0, Q0, P1, Q1, TABLES = range(13)
-"""Tables over the lines: Phi (and AT: at which field), exp(-attempts), attempts, rates at start and end of a step."""
+KNOWN, MET_UP, MET_DOWN, UP, DOWN_EVEN, DOWN_ODD, MANY_UP, MANY_DOWN, P0, Q0, P1, Q1, TABLES = range(13)
+"""Tables over the lines: attempts since the other way was possible, exp(-attempts) and attempts in a step, rates at its
+start and end. KNOWN: the field where this was so: every x is 1 in the rows before .., 0 in the columns from .. on.
+"""
 
 
 class Relays(NamedTuple):
@@ -58,7 +65,7 @@ class Relays(NamedTuple):
         offset: frozen polarization [C/m^2].
         layer_thickness: [m].
         field_step: longest substep in units of d [-].
-        attempts: Phi and its slope times the spacing, see `attempts_table`.
+        attempts: Phi and its derivatives, see `attempts_table`.
     """
 
     lines: Array
@@ -72,69 +79,98 @@ class Relays(NamedTuple):
     attempts: Array
 
 
-def attempts_table() -> Array:
-    """Phi and Phi'/32 for z = -6.5, -6.5 + 1/32, ... 14; shape (m, 2)."""
-    z = np.arange(_FIRST, _LAST + 0.5 / _PER_UNIT, 1 / _PER_UNIT)
-    phi = -0.5 * _ROOT_PI * special.log_ndtr(-math.sqrt(2.0) * z)
-    return np.stack([phi, 1 / special.erfcx(z) / _PER_UNIT], axis=1)
+def attempts_table(spacing: float) -> Array:
+    """Phi, h Phi' and h^2 Phi'' for z = -11, -11 + h, ... 13, where h divides the spacing of the lines [d].
 
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _fill_phi(phi, relays, u, sign):  # type: ignore[no-untyped-def]
-    """Phi(sign (u - line)) by cubic Hermite interpolation; 0 far below, constant far above."""
-    table, last = relays.attempts, relays.attempts.shape[0] - 2
-    for k in range(phi.size):
-        place = (sign * (u - relays.lines[k]) - _FIRST) * _PER_UNIT
-        inside = min(max(place, 0.0), last + 0.999999)
-        node = int(inside)
-        t = inside - node
-        f0, f1, s0, s1 = table[node, 0], table[node + 1, 0], table[node, 1], table[node + 1, 1]
-        rise = f1 - f0
-        value = f0 + t * (s0 + t * (3.0 * rise - 2.0 * s0 - s1 + t * (s0 + s1 - 2.0 * rise)))
-        phi[k] = value if place > 0.0 else 0.0
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _fill_attempts(many, phi, relays, u0, u1, sign, clock):  # type: ignore[no-untyped-def]
-    """Attempts of every line while the field goes from u0 to u1 in `clock` relaxation times.
-
-    Moves `phi` from u0 to u1, except in what is almost a hold.
+    All lines then lie at the same place between two nodes, m nodes apart: shape (2, 3, m + 1, k), with falling z and
+    with rising z, by place and then by spacing; place m is place 0 of the next spacing.
     """
-    climb = sign * (u1 - u0)
+    places = math.ceil(spacing * _PER_UNIT)
+    count = math.ceil((_LAST - _FIRST) / spacing) + 1
+    z = _FIRST + spacing * (np.arange(count) + np.arange(places + 1)[:, None] / places)
+    rate, h = 1 / special.erfcx(z), spacing / places
+    phi = -0.5 * _ROOT_PI * special.log_ndtr(-math.sqrt(2.0) * z)
+    rising = np.stack([phi, h * rate, h * h * rate * (2 / _ROOT_PI * rate - 2 * z)])
+    return np.stack([rising[..., ::-1], rising])
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _place(relays, u, sign):  # type: ignore[no-untyped-def]
+    """Where z = sign (u - line) lies: which table, column of line 0, place, and weights of the nodes there and next."""
+    spacing = relays.lines[1] - relays.lines[0]
+    _, _, places, count = relays.attempts.shape
+    far = (sign * (u - relays.lines[0]) - _FIRST) / spacing
+    column = math.floor(far)
+    along = (far - column) * (places - 1)
+    place = min(int(along), places - 2)
+    t = along - place
+    rest = 1.0 - t
+    value, slope, next_slope = rest * rest * (1.0 + 2.0 * t), rest * rest * t, -rest * t * t
+    up = sign > 0.0
+    return 0 if up else 1, count - 1 - column if up else column, place, value, 1.0 - value, slope, next_slope
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _fill_attempts(many, relays, u0, u1, sign, clock, first, end):  # type: ignore[no-untyped-def]
+    """Attempts of lines first ... end - 1 while the field goes from u0 to u1 in `clock` relaxation times."""
+    climb, lines, table = sign * (u1 - u0), relays.lines, relays.attempts
     middle = 0.5 * (u0 + u1)
     if abs(climb) < _LEVEL:
-        for k in range(many.size):
-            many[k] = clock * switching_rate(sign * (middle - relays.lines[k]))
+        for k in range(first, end):
+            many[k] = clock * switching_rate(sign * (middle - lines[k]))
         return
-    many[:] = phi
-    _fill_phi(phi, relays, u1, sign)
-    lowest = min(sign * u0, sign * u1)
-    for k in range(many.size):
-        z = sign * (middle - relays.lines[k])
-        mean = (phi[k] - many[k]) / climb
-        many[k] = clock * (_ROOT_PI * (z + 0.5 / z) if lowest - sign * relays.lines[k] > _STEEP else max(mean, 0.0))
+    steep = (min(sign * u0, sign * u1) - _STEEP - sign * lines[0]) / (
+        lines[1] - lines[0]
+    )  # that many lines from line 0
+    begin, stop = first, end
+    if sign > 0.0:
+        begin = int(min(max(math.ceil(steep), first), end))
+    else:
+        stop = int(min(max(math.floor(-steep) + 1, first), end))
+    for k in range(first, begin):
+        z = sign * (middle - lines[k])
+        many[k] = clock * _ROOT_PI * (z + 0.5 / z)
+    for k in range(stop, end):
+        z = sign * (middle - lines[k])
+        many[k] = clock * _ROOT_PI * (z + 0.5 / z)
+    way, column0, p0, f0, g0, s0, n0 = _place(relays, u0, sign)
+    _, column1, p1, f1, g1, s1, n1 = _place(relays, u1, sign)
+    scale = clock / climb
+    for k in range(begin, stop):
+        i0, i1 = np.uint64(column0 + k), np.uint64(column1 + k)  # unsigned: a sign to look at would prevent SIMD
+        before = f0 * table[way, 0, p0, i0] + g0 * table[way, 0, p0 + 1, i0]
+        before += s0 * table[way, 1, p0, i0] + n0 * table[way, 1, p0 + 1, i0]
+        after = f1 * table[way, 0, p1, i1] + g1 * table[way, 0, p1 + 1, i1]
+        after += s1 * table[way, 1, p1, i1] + n1 * table[way, 1, p1 + 1, i1]
+        many[k] = max((after - before) * scale, 0.0)
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _fill_rates(rates, relays, u, sign, first, last):  # type: ignore[no-untyped-def]
     """1/erfcx(sign (u - line)) for lines first ... last."""
+    table = relays.attempts
+    way, column, p, f, g, s, n = _place(relays, u, sign)
+    per_h = (table.shape[2] - 1) / (relays.lines[1] - relays.lines[0])
     for k in range(first, last + 1):
-        rates[k] = switching_rate(sign * (u - relays.lines[k]))
+        i = np.uint64(column + k)
+        rate = f * table[way, 1, p, i] + g * table[way, 1, p + 1, i]
+        rates[k] = per_h * (rate + s * table[way, 2, p, i] + n * table[way, 2, p + 1, i])
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _fill_tables(work, relays, u0, u1, clock, first, last):  # type: ignore[no-untyped-def]
-    """All tables of a substep; rates at its ends only for lines first ... last."""
-    _fill_attempts(work[MANY_UP], work[PHI_UP], relays, u0, u1, 1.0, clock)
-    _fill_attempts(work[MANY_DOWN], work[PHI_DOWN], relays, u0, u1, -1.0, clock)
-    work[AT, 0] = u1 if abs(u1 - u0) >= _LEVEL else u0
-    n = relays.lines.size
-    for k in range(n):
+def _fill_tables(work, relays, u0, u1, clock, up_from, up_end, down_from, down_end, first, last):  # type: ignore[no-untyped-def]
+    """All tables of a substep for the lines that switch; rates at its ends only for lines first ... last."""
+    _fill_attempts(work[MANY_UP], relays, u0, u1, 1.0, clock, up_from, up_end)
+    _fill_attempts(work[MANY_DOWN], relays, u0, u1, -1.0, clock, down_from, down_end)
+    for k in range(up_from, up_end):
         work[UP, k] = exponential(-work[MANY_UP, k])
-    for k in range((n + 1) // 2):
+        work[MET_UP, k] = work[MET_UP, k] + work[MANY_UP, k] if k < down_from else 0.0
+    for k in range((down_from + 1) // 2, (down_end + 1) // 2):
         work[DOWN_EVEN, k] = exponential(-work[MANY_DOWN, 2 * k])
-    for k in range(n // 2):
+    for k in range(down_from // 2, down_end // 2):
         work[DOWN_ODD, k] = exponential(-work[MANY_DOWN, 2 * k + 1])
+    for k in range(down_from, down_end):
+        work[MET_DOWN, k] = work[MET_DOWN, k] + work[MANY_DOWN, k] if k >= up_end else 0.0
     _fill_rates(work[P0], relays, u0, 1.0, first, last)
     _fill_rates(work[P1], relays, u1, 1.0, first, last)
     _fill_rates(work[Q0], relays, u0, -1.0, first, last)
@@ -161,26 +197,72 @@ def _balanced(x, decay, work, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _move(x, left, work, n, first, last):  # type: ignore[no-untyped-def]
-    """One substep of every relay, and of the share `left` of its start where that is followed, in place."""
-    follow = left.size > 0
-    for i in range(1, n):
-        begin, count, odd = i * i // 4, (i + 1) // 2, (i + 1) % 2
+def _move(x, weight, work, up_from, up_end, down_from, down_end, first, last):  # type: ignore[no-untyped-def]
+    """One substep of every relay that has anything to do, in place; returns by how much sum(weight x) rose.
+
+    Places are unsigned and nothing is sliced: with short rows that is twice as fast.
+    """
+    rise = 0.0
+    for i in range(max(up_from, 1), work.shape[1]):
+        odd = (i + 1) % 2
+        count = (min(i, down_end) - odd + 1) // 2
+        near = min((max(down_from, odd) - odd + 1) // 2, count)  # relays before this one do not switch down
+        begin, fall = i * i // 4, DOWN_ODD if odd else DOWN_EVEN
+        if i >= up_end:
+            for k in range(near, count):
+                r = np.uint64(begin + k)
+                moved = x[r] * work[fall, np.uint64(k)]
+                rise += weight[r] * (moved - x[r])
+                x[r] = moved
+            continue
         stay = work[UP, i]
+        far = min((max(first, odd) - odd + 1) // 2, count) if first < i <= last else count
+        for k in range(near):
+            r = np.uint64(begin + k)
+            moved = 1.0 - (1.0 - x[r]) * stay
+            rise += weight[r] * (moved - x[r])
+            x[r] = moved
+        for k in range(near, far):
+            r = np.uint64(begin + k)
+            moved = (1.0 - (1.0 - x[r]) * stay) * work[fall, np.uint64(k)]
+            rise += weight[r] * (moved - x[r])
+            x[r] = moved
+        for k in range(far, count):  # both rates act, and both are felt
+            r = np.uint64(begin + k)
+            moved = _balanced(x[r], stay * work[fall, np.uint64(k)], work, i, 2 * k + odd)
+            rise += weight[r] * (moved - x[r])
+            x[r] = moved
+    return rise
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _forget(left, work, up_from, up_end, down_from, down_end):  # type: ignore[no-untyped-def]
+    """What is left of every x at the start after the same substep, in place."""
+    for i in range(max(up_from, 1), work.shape[1]):
+        odd = (i + 1) % 2
+        count = (min(i, down_end) - odd + 1) // 2
+        near = min((max(down_from, odd) - odd + 1) // 2, count)
+        share = left[i * i // 4 : i * i // 4 + count]
         fall = work[DOWN_ODD, :count] if odd else work[DOWN_EVEN, :count]
-        r = x[begin : begin + count]
-        far = count  # relays before this one are too high or too far to feel both rates
-        if first < i <= last:
-            far = max(0, (first - odd + 1) // 2)
-            for k in range(far, count):
-                r[k] = _balanced(r[k], stay * fall[k], work, i, 2 * k + odd)
-        for k in range(far):
-            r[k] = (1.0 - (1.0 - r[k]) * stay) * fall[k]
-        if follow:
-            share = left[begin : begin + count]
-            for k in range(count):
-                still = share[k] * (stay * fall[k])
-                share[k] = still if still > _FORGOTTEN else 0.0
+        stay = work[UP, i] if i < up_end else 1.0
+        for k in range(count):
+            still = share[k] * (stay * fall[k] if k >= near else stay)
+            share[k] = still if still > _FORGOTTEN else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _lines_near(lines, lowest, highest):  # type: ignore[no-untyped-def]
+    """The first line from `lowest` on, and the last up to `highest`."""
+    spacing = lines[1] - lines[0]
+    first = math.ceil(max((lowest - lines[0]) / spacing, 0.0))
+    last = math.floor(min((highest - lines[0]) / spacing, lines.size - 1.0))
+    return int(min(first, lines.size)), int(max(last, -1))
+
+
+@njit(cache=True, error_model="numpy")
+def _reach(clock, attempts):  # type: ignore[no-untyped-def]
+    """So far from a line [d] a rate makes no more than `attempts` in `clock` relaxation times."""
+    return min(math.sqrt(max(math.log(0.5 * clock / attempts), 1.0)), _FARTHEST)
 
 
 @njit(cache=True, error_model="numpy")
@@ -190,28 +272,43 @@ def advance(x, left, relays, work, start, end, duration):  # type: ignore[no-unt
     Args:
         x: of every relay [-].
         left: what is left of each x(0) [-, as x], or an empty array where nobody wants to know.
-        work: shape (TABLES, n).
+        work: shape (TABLES, n); whoever changes x himself says so by a KNOWN field of NaN.
+
+    Returns:
+        By how much the weighted sum of x rose [C/m^2].
     """
     if duration == 0.0:
-        return
-    n, spacing = relays.lines.size, relays.lines[1] - relays.lines[0]
+        return 0.0
+    n = relays.lines.size
     u0 = start / relays.width
     climb = (end - start) / relays.width
     count = int(min(max(math.ceil(abs(climb) / relays.field_step), 1.0), _MAX_SUBSTEPS))
     clock = duration * relays.attempt_rate / count
-    reach = math.sqrt(max(math.log(0.5 * clock / _FEW), 1.0))
-    if work[AT, 0] != u0:
-        _fill_phi(work[PHI_UP], relays, u0, 1.0)
-        _fill_phi(work[PHI_DOWN], relays, u0, -1.0)
-    before = u0
+    felt, both_felt = _reach(clock, _NOTHING), _reach(clock, _FEW)
+    known = work[KNOWN]
+    if known[0] != u0:
+        known[0], known[1], known[2] = u0, 0.0, n
+        work[MET_UP], work[MET_DOWN] = 0.0, 0.0
+    ones, zeros = int(known[1]), int(known[2])
+    before, rise = u0, 0.0
     for k in range(count):
         after = u0 + climb * (k + 1) / count if k < count - 1 else end / relays.width
-        lowest, highest = min(before, after) - reach, max(before, after) + reach
-        first = int(max(0, math.ceil((lowest - relays.lines[0]) / spacing)))
-        last = int(min(n - 1, math.floor((highest - relays.lines[0]) / spacing)))
-        _fill_tables(work, relays, before, after, clock, first, last)
-        _move(x, left, work, n, first, last)
+        lowest, highest = min(before, after), max(before, after)
+        down_from, up_last = _lines_near(relays.lines, lowest - felt, highest + felt)
+        up_end = up_last + 1
+        ones, zeros = min(ones, down_from), max(zeros, up_end)
+        first, last = _lines_near(relays.lines, lowest - both_felt, highest + both_felt)
+        _fill_tables(work, relays, before, after, clock, ones, up_end, down_from, zeros, first, last)
+        rise += _move(x, relays.weight, work, ones, up_end, down_from, zeros, first, last)
+        if left.size > 0:
+            _forget(left, work, ones, up_end, down_from, zeros)
+        while ones < min(down_from, up_end) and work[MET_UP, ones] >= _SURE:
+            ones += 1
+        while zeros > max(down_from, up_end) and work[MET_DOWN, zeros - 1] >= _SURE:
+            zeros -= 1
         before = after
+    known[0], known[1], known[2] = before, ones, zeros
+    return rise
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
@@ -236,11 +333,12 @@ def _is_usable(time, voltage, state, relays):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _sample(state, left, relays, work, time, voltage):  # type: ignore[no-untyped-def]
-    """Move the state to the next sample."""
+    """Move the state to the next sample; returns by how much the weighted sum of x rose [C/m^2]."""
     thickness = relays.layer_thickness
     duration = time - state[TIME]
-    advance(state[HEAD:], left, relays, work, state[VOLTAGE] / thickness, voltage / thickness, duration)
+    rise = advance(state[HEAD:], left, relays, work, state[VOLTAGE] / thickness, voltage / thickness, duration)
     state[TIME], state[VOLTAGE] = time, voltage
+    return rise
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -250,13 +348,12 @@ def run(state, relays, time, voltage, polarization, phase_fraction):  # type: ig
     Returns the index of the first sample that cannot be used (time runs back, not finite, absurd field), else -1.
     """
     work = np.full((TABLES, relays.lines.size), np.nan)
-    weights = relays.weight.sum()
+    weights, switched = relays.weight.sum(), weighted_sum(state[HEAD:], relays.weight)
     for k in range(time.size):
         if not _is_usable(time[k], voltage[k], state, relays):
             return k
-        _sample(state, np.empty(0), relays, work, time[k], voltage[k])
-        switched = weighted_sum(state[HEAD:], relays.weight)
-        phase_fraction[k] = switched / weights
+        switched += _sample(state, np.empty(0), relays, work, time[k], voltage[k])
+        phase_fraction[k] = min(max(switched / weights, 0.0), 1.0)
         polarization[k] = _polarization(switched, weights, voltage[k] / relays.layer_thickness, relays)
     return -1
 
@@ -285,13 +382,12 @@ def run_columns(state, left, relays, time, voltage, polarization, columns, hats,
     hat_work, start_work = np.zeros((hats.size, 2, (n + 1) // 2)), np.zeros((starts.size, 2, (n + 1) // 2))
     hats_to = hats_at + hats.size * (hats.size + 1) // 2
     starts_to = starts_at + starts.size * (starts.size + 1) // 2
-    weights = relays.weight.sum()
+    weights, switched = relays.weight.sum(), weighted_sum(state[HEAD:], relays.weight)
     remains = np.empty_like(left)
     for k in range(time.size):
         if not _is_usable(time[k], voltage[k], state, relays):
             return k
-        _sample(state, left, relays, work, time[k], voltage[k])
-        switched = weighted_sum(state[HEAD:], relays.weight)
+        switched += _sample(state, left, relays, work, time[k], voltage[k])
         polarization[k] = _polarization(switched, weights, voltage[k] / relays.layer_thickness, relays)
         accumulate(state[HEAD:], hats, hat_work, columns[k, hats_at:hats_to])
         if left.size > 0:
@@ -320,7 +416,7 @@ def run_inverse(state, relays, time, target, voltage, phase_fraction, limit, tol
         v_old, miss_old, switched = state[VOLTAGE], -way, 0.0
         v = min(max(v_old + way / slope, low), high) if known else v_old
         for count in range(_MAX_TRIALS):
-            trial[:] = state
+            trial[:], work[KNOWN, 0] = state, np.nan
             _sample(trial, np.empty(0), relays, work, time[k], v)
             switched = weighted_sum(trial[HEAD:], relays.weight)
             miss = _polarization(switched, weights, v / relays.layer_thickness, relays) - target[k]

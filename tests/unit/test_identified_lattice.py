@@ -85,6 +85,23 @@ def test_polarization_is_that_of_the_polycrystal(relaxation_time: float, rate: f
     assert np.std(out.polarization - finer) < 4e-4 * scale
 
 
+@pytest.mark.parametrize("relaxation_time", [1e-5, 1e-3, 0.1, 1e4])
+@pytest.mark.parametrize("rate", [10.0, 5000.0])
+def test_relays_that_are_left_alone_have_nothing_to_do(relaxation_time: float, rate: float) -> None:
+    """A run that moves only what is near the field is that which trusts nothing it knows from the sample before."""
+    link = lattice(relaxation_time=relaxation_time)
+    time, voltage = drive(rate, 500)
+    time[100] = time[99]  # a jump in no time
+    rest = Rest(float(time[0]), 0.0, occupancy=np.full(node_count(4), 0.3))
+    whole, out = link.step(link.init(rest), Signals(time, voltage))
+    state, polarization = link.init(rest), []
+    for k in range(time.size):
+        state, one = link.step(state, Signals(time[k : k + 1], voltage[k : k + 1]))
+        polarization.append(one.polarization[0])
+    np.testing.assert_allclose(whole[3:], state[3:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(out.polarization, polarization, rtol=0, atol=1e-10)
+
+
 def test_approaches_the_plain_lattice_with_its_density() -> None:
     """Gaussian weights on a fine enough grid give what Lattice gives for the Gaussian density."""
     plain = Lattice(coercive_field=0.5e6, coercive_field_spread=1e11, interaction_field_spread=1e11)
