@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pzt_benchmarks.soak.fault import Fault, NotHereError
+from pzt_ros.errors import BenchError
 
 SEED = 20261122
 
@@ -62,7 +63,7 @@ def _repeated(fault: Fault, bench: object, times: int, tell: Callable[[str], Non
         try:
             seen = fault.perform(bench, chance(fault, trial))
             problem = fault.problem(seen)
-        except AssertionError as error:  # the bench itself found what must not be
+        except (AssertionError, BenchError) as error:  # the bench itself found what must not be
             seen, problem = None, str(error)
         result.performed += 1
         if problem or seen is None:
