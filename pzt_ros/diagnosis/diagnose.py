@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -93,9 +94,9 @@ def diagnose(
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         declared = fit_declared(chain or default_chain(runs), runs, progress)
         branches = [_trusted(branch, asked) for branch in _branches(declared, asked, progress, pool)]
-    chosen = _chosen(branches, asked)
-    progress("predicting")
-    report = _report(runs, len(train), branches, chosen, asked, command)
+        chosen = _chosen(branches, asked)
+        progress("predicting")
+        report = _report(runs, len(train), branches, chosen, asked, command, pool)
     if profile and chosen.final.effects:
         progress(f"intervals of {', '.join(chosen.final.effects)}")
         note_intervals(report, chosen.final)
@@ -169,12 +170,13 @@ def _report(
     chosen: Branch,
     asked: Thresholds,
     command: str,
+    workers: Workers,
 ) -> Report:
-    base = _last_fit(chosen.base, chosen)
-    final = base if chosen.final is chosen.base else _last_fit(chosen.final, chosen)
-    baseline, model = model_of(base, "baseline", command), model_of(final, "model", command)
-    before = errors_of(baseline, runs)
-    after = before if final is base else errors_of(model, runs)
+    ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
+    fits = list(workers.map(_last_fit, ends, repeat(chosen.density)))
+    baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
+    errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
+    before, after = errors[0], errors[-1]
     tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
     remains = remains_of(runs, after.residuals, floor, _SLOW_FLOOR)
@@ -207,9 +209,9 @@ def _report(
     )
 
 
-def _last_fit(found: Hypothesis, chosen: Branch) -> Hypothesis:
+def _last_fit(found: Hypothesis, density: str) -> Hypothesis:
     """As it is written down. Declared densities have so few parameters that more samples do not change them."""
-    return fitted_to_all(found) if chosen.density == "identified" else found
+    return fitted_to_all(found) if density == "identified" else found
 
 
 def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
@@ -251,7 +253,7 @@ def _found(
     found, reached = [], before
     for candidate in added:
         last = candidate.after is chosen.final
-        now = after if last else errors_of(model_of(_last_fit(candidate.after, chosen), "step", command), runs)
+        now = after if last else errors_of(model_of(_last_fit(candidate.after, chosen.density), "step", command), runs)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
         place = EFFECT_OF[candidate.cause].place
         found.append(FoundEffect(candidate.cause, place, reached.test, now.test, own, _probability(candidate, chosen)))

@@ -30,7 +30,8 @@ cliffs in its cost, and a search that comes to the edge of one finds no short st
 _STUCK = 1e-3  # share of the tolerance below which refused steps are no longer shortened
 _ROWS = 8192  # of a Jacobian that become float64 at once
 _ROUNDS = 200
-_ROUNDING = 1e-12
+_NO_GAIN = 1e-14  # of a cost: what rounding makes of it; single coordinates may go on changing by far more
+_SHORTEST = 1e-12
 
 
 class Problem(Protocol):
@@ -195,16 +196,18 @@ def bounded_minimum(gram: Array, gradient: Array, low: Array, high: Array) -> Ar
         way = np.zeros(gradient.size)
         way[free] = -_linalg.cho_solve(_linalg.cho_factor(gram[np.ix_(free, free)]), slope[free])
         moved = _descended(gram, slope, step, way, low, high)
-        if np.all(np.abs(moved - step) <= _ROUNDING * (np.abs(moved) + np.abs(step))):
-            break
+        change = moved - step
+        gained = -float(slope @ change + 0.5 * change @ gram @ change)
         step = moved
+        if gained <= _NO_GAIN * abs(float(gradient @ step)):
+            break
     return step
 
 
 def _descended(gram: Array, slope: Array, step: Array, way: Array, low: Array, high: Array) -> Array:
     """The step moved along `way`, bent at the bounds, as far as the cost falls enough (Armijo)."""
     share = 1.0
-    while share > _ROUNDING:
+    while share > _SHORTEST:
         moved: Array = np.clip(step + share * way, low, high)
         change = moved - step
         linear = float(slope @ change)
