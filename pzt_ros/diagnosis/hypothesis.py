@@ -11,8 +11,9 @@ import numpy as np
 from pzt_ros.diagnosis.data import SELECTION
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.bounded_quadratic import bounded_minimum
 from pzt_ros.sysid.covariance import effective_samples
-from pzt_ros.sysid.gauss_newton import Solution, bounded_minimum, solve
+from pzt_ros.sysid.gauss_newton import Solution, solve
 
 _CORRECTIONS = 2
 _STEPS = 8

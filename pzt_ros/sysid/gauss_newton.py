@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from scipy import linalg
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
-
-_linalg: Any = linalg  # SciPy carries no types
+from pzt_ros.sysid.bounded_quadratic import bounded_minimum
 
 _FIRST_DAMPING = 1e-4
 _LEAST_DAMPING, _MOST_DAMPING = 1e-9, 1e10
@@ -29,9 +27,6 @@ _LEAP_DAMPING, _LEAPS = 1e-8, (1.0, 0.3, 0.1)
 cliffs in its cost, and a search that comes to the edge of one finds no short step down."""
 _STUCK = 1e-3  # share of the tolerance below which refused steps are no longer shortened
 _ROWS = 8192  # of a Jacobian that become float64 at once
-_ROUNDS = 200
-_NO_GAIN = 1e-14  # of a cost: what rounding makes of it; single coordinates may go on changing by far more
-_SHORTEST = 1e-12
 
 
 class Problem(Protocol):
@@ -175,43 +170,3 @@ def _damped_step(gram: Array, gradient: Array, damping: float, low: Array, high:
     scaled = gram / np.outer(length, length)
     scaled[np.diag_indices_from(scaled)] += damping
     return bounded_minimum(scaled, gradient / length, low * length, high * length) / length
-
-
-def bounded_minimum(gram: Array, gradient: Array, low: Array, high: Array) -> Array:
-    """The vector s within low <= s <= high of least s'Gs/2 + g's, G positive definite.
-
-    Projected Newton (Bertsekas 1982): coordinates that press against a bound stay, the others take the Newton step as
-    far as the bounds let them; every round descends, and once the right ones are held it is exact.
-
-    Args:
-        gram, gradient: G [shape (p, p)] and g [shape (p,)].
-        low, high: bounds [shape (p,)], infinite where there is none.
-    """
-    step = np.clip(np.zeros(gradient.size), low, high)
-    for _ in range(_ROUNDS):
-        slope = gram @ step + gradient
-        free = ~(((step <= low) & (slope >= 0.0)) | ((step >= high) & (slope <= 0.0)))
-        if not np.any(free):
-            break
-        way = np.zeros(gradient.size)
-        way[free] = -_linalg.cho_solve(_linalg.cho_factor(gram[np.ix_(free, free)]), slope[free])
-        moved = _descended(gram, slope, step, way, low, high)
-        change = moved - step
-        gained = -float(slope @ change + 0.5 * change @ gram @ change)
-        step = moved
-        if gained <= _NO_GAIN * abs(float(gradient @ step)):
-            break
-    return step
-
-
-def _descended(gram: Array, slope: Array, step: Array, way: Array, low: Array, high: Array) -> Array:
-    """The step moved along `way`, bent at the bounds, as far as the cost falls enough (Armijo)."""
-    share = 1.0
-    while share > _SHORTEST:
-        moved: Array = np.clip(step + share * way, low, high)
-        change = moved - step
-        linear = float(slope @ change)
-        if linear + 0.5 * float(change @ gram @ change) <= 0.1 * linear:
-            return moved
-        share *= 0.5
-    return step

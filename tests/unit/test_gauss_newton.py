@@ -10,7 +10,7 @@ import pytest
 from scipy import optimize
 
 from pzt_ros.errors import BenchError
-from pzt_ros.sysid.gauss_newton import bounded_minimum, solve
+from pzt_ros.sysid.gauss_newton import solve
 
 FREE = (np.full(2, -np.inf), np.full(2, np.inf))
 
@@ -129,21 +129,3 @@ def test_refused_start_is_said(decay: Decay) -> None:
     decay.data[0][7] = np.nan
     with pytest.raises(BenchError, match="not finite where the fit starts"):
         solve(decay, np.zeros(3), np.full(3, -9.0), np.full(3, 9.0), most_steps=5, tolerance=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_bounded_minimum_same_as_bounded_least_squares(seed: int) -> None:
-    """Correlated columns, some coordinates fixed, some without bounds."""
-    random = np.random.default_rng(seed)
-    n, p = 60, 25
-    a = random.normal(size=(n, p)) + 3.0 * random.normal(size=(n, 1))
-    b = random.normal(size=n)
-    low, high = np.full(p, -0.05), random.uniform(0.0, 0.1, p)
-    low[:5], high[5:10] = -np.inf, np.inf
-    high[20] = low[20]
-    found = bounded_minimum(a.T @ a, -a.T @ b, low, high)
-    loose = high + 1e-12 * (high == low)
-    expected = optimize.lsq_linear(a, b, (low, loose), method="bvls", tol=1e-14).x
-    np.testing.assert_allclose(found, expected, atol=1e-8)
-    assert np.all(found >= low)
-    assert np.all(found <= high)
