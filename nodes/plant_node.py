@@ -21,8 +21,8 @@ class PlantNode(GraphNode):
     """The simulated stage. With `rate: real time` a block is not given out before its time has come on the wall clock.
 
     If the amplifier's process dies, nobody is left to ramp the voltage down: then the simulated amplifier's own relay
-    discharges the stack through its resistor, as the hardware's would. An amplifier that only holds, because no command
-    comes, puts out nothing: its diagnostics are the sign of life then.
+    discharges the stack through its resistor, as the hardware's would. An enabled amplifier that only holds, because no
+    command comes, puts out nothing: its diagnostics are the sign of life then.
     """
 
     def __init__(self) -> None:
@@ -59,8 +59,9 @@ class PlantNode(GraphNode):
     def _on_health(self, role: str, _level: str, _text: str, values: dict[str, str]) -> None:
         """Only a beat of commands has a pace: a ramp keeps its own, and between two beats time stands still."""
         if role == "amplifier":
-            self._heard = time.monotonic()
             self._enabled = values.get("state") == "enabled"
+            if self._enabled:
+                self._heard = time.monotonic()
             if self._pace is not None and not self._enabled:
                 self._pace.pause()
 

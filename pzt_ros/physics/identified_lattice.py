@@ -20,6 +20,7 @@ from pzt_ros.physics.identified_hats import (
     relay_thresholds,
     spread_out,
 )
+from pzt_ros.physics.identified_lattice_tables import CLOSEST, WIDEST, Relays, attempts_table
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest
 from pzt_ros.physics.switching import QUASI_STATIC_RATE, Switching
@@ -28,7 +29,7 @@ from pzt_ros.quantities import choice, parameter, table
 FIELD_STEP = 0.5
 """Longest substep over d [-]: 1e-4 of x+ at any rate."""
 
-_shared_table = lru_cache(maxsize=8)(kernel.attempts_table)
+_shared_table = lru_cache(maxsize=8)(attempts_table)
 
 _DEFAULT_GRID = tuple(float(field) for field in np.linspace(-2e6, 2e6, 9))
 _DEFAULT_WEIGHTS = tuple(
@@ -82,6 +83,12 @@ class IdentifiedLattice(Switching):
                 f"{self.kind}: {len(self.weights)} weights for {lines.size} lines of the grid,"
                 f" which have {node_count(lines.size)} pairs; give one weight each"
             )
+        spacing = (self.lines[1] - self.lines[0]) / self.thermal_field
+        if not CLOSEST <= spacing <= WIDEST:
+            raise BenchError(
+                f"{self.kind}: fine_lines are {spacing:.2g} thermal_field apart, outside {CLOSEST:g} to {WIDEST:g};"
+                " look at the units of grid and thermal_field"
+            )
 
     @cached_property
     def lines(self) -> Array:
@@ -96,12 +103,12 @@ class IdentifiedLattice(Switching):
         return hats_of(self.lines, np.asarray(self.grid))
 
     @cached_property
-    def relays(self) -> kernel.Relays:
+    def relays(self) -> Relays:
         """What the compiled loops need."""
         weight = np.empty(self.lines.size**2 // 4)
         spread_out(np.asarray(self.weights) / hat_sums(self.hats), self.hats, weight)
         lines = self.lines / self.thermal_field
-        return kernel.Relays(
+        return Relays(
             lines=lines,
             weight=weight,
             width=self.thermal_field,

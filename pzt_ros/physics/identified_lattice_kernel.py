@@ -21,23 +21,31 @@ Everything is linear in the x at the start: x(t) = forced(t) + decay(t) x(0), wh
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy import special
 
 from pzt_ros.physics.identified_hats import accumulate
-from pzt_ros.physics.kinetics import exponential, switching_rate
-from pzt_ros.physics.signals import Array
+from pzt_ros.physics.identified_lattice_tables import (
+    DOWN_EVEN,
+    DOWN_ODD,
+    KNOWN,
+    MANY_DOWN,
+    MANY_UP,
+    MET_DOWN,
+    MET_UP,
+    P0,
+    P1,
+    Q0,
+    Q1,
+    TABLES,
+    UP,
+    fill_tables,
+)
 
 TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
 """State: last time [s], last voltage [V], dP/dV of the last inverted sample [C/(m^2 V)], every x."""
 
-_FIRST, _LAST, _PER_UNIT = -11.0, 13.0, 32
-_LEVEL = 1e-4  # climb in units of d below which the rate at the middle is exact enough
-_STEEP = 12.0  # from here on 1/erfcx is sqrt(pi) (z + 1/(2z)) to 1e-5
-_ROOT_PI = math.sqrt(math.pi)
 _FEW = 1e-5  # attempts that do not count where the other rate acts
 _NEVER = 1e-290
 _NOTHING, _FARTHEST = 1e-13, 10.0  # attempts that do not count anywhere; nothing is felt from there
@@ -46,135 +54,6 @@ _SURE = 70.0  # after as many attempts exp(-attempts) is below _FORGOTTEN
 _MAX_SUBSTEPS = 1e5
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]
-
-KNOWN, MET_UP, MET_DOWN, UP, DOWN_EVEN, DOWN_ODD, MANY_UP, MANY_DOWN, P0, Q0, P1, Q1, TABLES = range(13)
-"""Tables over the lines: attempts since the other way was possible, exp(-attempts) and attempts in a step, rates at its
-start and end. KNOWN: the field where this was so: every x is 1 in the rows before .., 0 in the columns from .. on.
-"""
-
-
-class Relays(NamedTuple):
-    """The relays and what they have in common.
-
-    Attributes:
-        lines: thresholds over d, ascending, equally spaced [-, shape (n,)].
-        weight: polarization of each relay [C/m^2, shape (n*n//4,)].
-        width: thermal width d [V/m].
-        attempt_rate: 1/tau [1/s].
-        susceptibility: of what does not switch [C/(V m)].
-        offset: frozen polarization [C/m^2].
-        layer_thickness: [m].
-        field_step: longest substep in units of d [-].
-        attempts: Phi and its derivatives, see `attempts_table`.
-    """
-
-    lines: Array
-    weight: Array
-    width: float
-    attempt_rate: float
-    susceptibility: float
-    offset: float
-    layer_thickness: float
-    field_step: float
-    attempts: Array
-
-
-def attempts_table(spacing: float) -> Array:
-    """Phi, h Phi' and h^2 Phi'' for z = -11, -11 + h, ... 13, where h divides the spacing of the lines [d].
-
-    All lines then lie at the same place between two nodes, m nodes apart: shape (2, 3, m + 1, k), with falling z and
-    with rising z, by place and then by spacing; place m is place 0 of the next spacing.
-    """
-    places = math.ceil(spacing * _PER_UNIT)
-    count = math.ceil((_LAST - _FIRST) / spacing) + 1
-    z = _FIRST + spacing * (np.arange(count) + np.arange(places + 1)[:, None] / places)
-    rate, h = 1 / special.erfcx(z), spacing / places
-    phi = -0.5 * _ROOT_PI * special.log_ndtr(-math.sqrt(2.0) * z)
-    rising = np.stack([phi, h * rate, h * h * rate * (2 / _ROOT_PI * rate - 2 * z)])
-    return np.stack([rising[..., ::-1], rising])
-
-
-@njit(cache=True, inline="always", error_model="numpy")
-def _place(relays, u, sign):  # type: ignore[no-untyped-def]
-    """Where z = sign (u - line) lies: which table, column of line 0, place, and weights of the nodes there and next."""
-    spacing = relays.lines[1] - relays.lines[0]
-    _, _, places, count = relays.attempts.shape
-    far = (sign * (u - relays.lines[0]) - _FIRST) / spacing
-    column = math.floor(far)
-    along = (far - column) * (places - 1)
-    place = min(int(along), places - 2)
-    t = along - place
-    rest = 1.0 - t
-    value, slope, next_slope = rest * rest * (1.0 + 2.0 * t), rest * rest * t, -rest * t * t
-    up = sign > 0.0
-    return 0 if up else 1, count - 1 - column if up else column, place, value, 1.0 - value, slope, next_slope
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _fill_attempts(many, relays, u0, u1, sign, clock, first, end):  # type: ignore[no-untyped-def]
-    """Attempts of lines first ... end - 1 while the field goes from u0 to u1 in `clock` relaxation times."""
-    climb, lines, table = sign * (u1 - u0), relays.lines, relays.attempts
-    middle = 0.5 * (u0 + u1)
-    if abs(climb) < _LEVEL:
-        for k in range(first, end):
-            many[k] = clock * switching_rate(sign * (middle - lines[k]))
-        return
-    steep = (min(sign * u0, sign * u1) - _STEEP - sign * lines[0]) / (
-        lines[1] - lines[0]
-    )  # that many lines from line 0
-    begin, stop = first, end
-    if sign > 0.0:
-        begin = int(min(max(math.ceil(steep), first), end))
-    else:
-        stop = int(min(max(math.floor(-steep) + 1, first), end))
-    for k in range(first, begin):
-        z = sign * (middle - lines[k])
-        many[k] = clock * _ROOT_PI * (z + 0.5 / z)
-    for k in range(stop, end):
-        z = sign * (middle - lines[k])
-        many[k] = clock * _ROOT_PI * (z + 0.5 / z)
-    way, column0, p0, f0, g0, s0, n0 = _place(relays, u0, sign)
-    _, column1, p1, f1, g1, s1, n1 = _place(relays, u1, sign)
-    scale = clock / climb
-    for k in range(begin, stop):
-        i0, i1 = np.uint64(column0 + k), np.uint64(column1 + k)  # unsigned: a sign to look at would prevent SIMD
-        before = f0 * table[way, 0, p0, i0] + g0 * table[way, 0, p0 + 1, i0]
-        before += s0 * table[way, 1, p0, i0] + n0 * table[way, 1, p0 + 1, i0]
-        after = f1 * table[way, 0, p1, i1] + g1 * table[way, 0, p1 + 1, i1]
-        after += s1 * table[way, 1, p1, i1] + n1 * table[way, 1, p1 + 1, i1]
-        many[k] = max((after - before) * scale, 0.0)
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _fill_rates(rates, relays, u, sign, first, last):  # type: ignore[no-untyped-def]
-    """1/erfcx(sign (u - line)) for lines first ... last."""
-    table = relays.attempts
-    way, column, p, f, g, s, n = _place(relays, u, sign)
-    per_h = (table.shape[2] - 1) / (relays.lines[1] - relays.lines[0])
-    for k in range(first, last + 1):
-        i = np.uint64(column + k)
-        rate = f * table[way, 1, p, i] + g * table[way, 1, p + 1, i]
-        rates[k] = per_h * (rate + s * table[way, 2, p, i] + n * table[way, 2, p + 1, i])
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _fill_tables(work, relays, u0, u1, clock, up_from, up_end, down_from, down_end, first, last):  # type: ignore[no-untyped-def]
-    """All tables of a substep for the lines that switch; rates at its ends only for lines first ... last."""
-    _fill_attempts(work[MANY_UP], relays, u0, u1, 1.0, clock, up_from, up_end)
-    _fill_attempts(work[MANY_DOWN], relays, u0, u1, -1.0, clock, down_from, down_end)
-    for k in range(up_from, up_end):
-        work[UP, k] = exponential(-work[MANY_UP, k])
-        work[MET_UP, k] = work[MET_UP, k] + work[MANY_UP, k] if k < down_from else 0.0
-    for k in range((down_from + 1) // 2, (down_end + 1) // 2):
-        work[DOWN_EVEN, k] = exponential(-work[MANY_DOWN, 2 * k])
-    for k in range(down_from // 2, down_end // 2):
-        work[DOWN_ODD, k] = exponential(-work[MANY_DOWN, 2 * k + 1])
-    for k in range(down_from, down_end):
-        work[MET_DOWN, k] = work[MET_DOWN, k] + work[MANY_DOWN, k] if k >= up_end else 0.0
-    _fill_rates(work[P0], relays, u0, 1.0, first, last)
-    _fill_rates(work[P1], relays, u1, 1.0, first, last)
-    _fill_rates(work[Q0], relays, u0, -1.0, first, last)
-    _fill_rates(work[Q1], relays, u1, -1.0, first, last)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -196,6 +75,14 @@ def _balanced(x, decay, work, i, j):  # type: ignore[no-untyped-def]
     return min(max(moved, 0.0), 1.0)
 
 
+@njit(cache=True, inline="always", error_model="numpy")
+def _row(i, down_from, down_end):  # type: ignore[no-untyped-def]
+    """Of row i: its first column, how many relays have something to do, how many of them do not switch down."""
+    odd = (i + 1) % 2
+    count = (min(i, down_end) - odd + 1) // 2
+    return odd, count, min((max(down_from, odd) - odd + 1) // 2, count)
+
+
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _move(x, weight, work, up_from, up_end, down_from, down_end, first, last):  # type: ignore[no-untyped-def]
     """One substep of every relay that has anything to do, in place; returns by how much sum(weight x) rose.
@@ -204,9 +91,7 @@ def _move(x, weight, work, up_from, up_end, down_from, down_end, first, last):  
     """
     rise = 0.0
     for i in range(max(up_from, 1), work.shape[1]):
-        odd = (i + 1) % 2
-        count = (min(i, down_end) - odd + 1) // 2
-        near = min((max(down_from, odd) - odd + 1) // 2, count)  # relays before this one do not switch down
+        odd, count, near = _row(i, down_from, down_end)
         begin, fall = i * i // 4, DOWN_ODD if odd else DOWN_EVEN
         if i >= up_end:
             for k in range(near, count):
@@ -239,9 +124,7 @@ def _move(x, weight, work, up_from, up_end, down_from, down_end, first, last):  
 def _forget(left, work, up_from, up_end, down_from, down_end):  # type: ignore[no-untyped-def]
     """What is left of every x at the start after the same substep, in place."""
     for i in range(max(up_from, 1), work.shape[1]):
-        odd = (i + 1) % 2
-        count = (min(i, down_end) - odd + 1) // 2
-        near = min((max(down_from, odd) - odd + 1) // 2, count)
+        odd, count, near = _row(i, down_from, down_end)
         share = left[i * i // 4 : i * i // 4 + count]
         fall = work[DOWN_ODD, :count] if odd else work[DOWN_EVEN, :count]
         stay = work[UP, i] if i < up_end else 1.0
@@ -298,7 +181,7 @@ def advance(x, left, relays, work, start, end, duration):  # type: ignore[no-unt
         up_end = up_last + 1
         ones, zeros = min(ones, down_from), max(zeros, up_end)
         first, last = _lines_near(relays.lines, lowest - both_felt, highest + both_felt)
-        _fill_tables(work, relays, before, after, clock, ones, up_end, down_from, zeros, first, last)
+        fill_tables(work, relays, before, after, clock, ones, up_end, down_from, zeros, first, last)
         rise += _move(x, relays.weight, work, ones, up_end, down_from, zeros, first, last)
         if left.size > 0:
             _forget(left, work, ones, up_end, down_from, zeros)

@@ -86,12 +86,12 @@ def _interior(gram: Array, gradient: Array, bounds: Array) -> tuple[Array, Array
             break
         factor = _linalg.cho_factor(gram + np.diag(np.sum(force / slack, axis=0)), check_finite=False)
         straight = _towards(factor, 0.0 * slack, slack, force, unbalanced)  # the predictor
-        share = _possible(slack, force, *straight)
+        share = _possible(slack, force, *straight[:2])
         reached = float(np.sum((slack + share * straight[0]) * (force + share * straight[1])))
         centre = (reached / gap) ** 3 * gap / np.count_nonzero(there)
         product = there * (centre - straight[0] * straight[1])
         ways = _towards(factor, product, slack, force, unbalanced)
-        share = _SHORT_OF_BOUNDS * _possible(slack, force, *ways)
+        share = _SHORT_OF_BOUNDS * _possible(slack, force, *ways[:2])
         slack, force, step = (value + share * way for value, way in zip((slack, force, step), ways, strict=True))
     presses = there & (force > np.diag(gram) * slack) & (force >= force[::-1])
     return step, 1 * presses[1] - 1 * presses[0]
@@ -105,7 +105,7 @@ def _towards(factor: Any, product: Array, slack: Array, force: Array, unbalanced
     return opened, pull - force * opened / slack, way
 
 
-def _possible(slack: Array, force: Array, opened: Array, pressed: Array, _way: Array) -> float:
+def _possible(slack: Array, force: Array, opened: Array, pressed: Array) -> float:
     """The longest share of a step that leaves slacks and forces positive."""
     values, ways = np.concatenate((slack, force)), np.concatenate((opened, pressed))
     shrinks = ways < 0.0

@@ -212,6 +212,12 @@ def test_bad_tables_are_refused(change: dict[str, object], message: str) -> None
         parse_chain(data, "one.yaml")
 
 
+@pytest.mark.parametrize("width", [1.0, 1e8])
+def test_a_grid_in_another_unit_is_refused(width: float) -> None:
+    with pytest.raises(BenchError, match="look at the units of grid and thermal_field"):
+        lattice(thermal_field=width, grid=tuple(GRID * (1e3 if width == 1.0 else 1e-3)))
+
+
 def test_table_may_have_another_unit() -> None:
     data = chain_as_data(Chain("one", (lattice(),)))
     data["links"][0]["grid"] = {"unit": "MV/m", "values": [float(field / 1e6) for field in GRID]}
