@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import repeat
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.domains import Domains
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
@@ -27,6 +30,10 @@ from pzt_ros.sysid.start import CountedPart, settle
 _SCALE = "domain_polarization"
 """Strain goes with its square, so displacement alone cannot tell it from the strain's coefficient."""
 
+_NARROWING = "domain_volume"
+"""The thermal width goes with the root of its inverse."""
+
+_NARROWEST = 5e-3  # thermal width over the swing of the field
 _CLEAN = 1.1
 _SEARCHED = 4_000  # samples that a search for histories looks at
 _SPACING = 0.35  # of the thermal width
@@ -54,21 +61,32 @@ def default_chain(runs: Sequence[RunData]) -> Chain:
     return Chain("default", links, {"description": "Gaussian polycrystal and electrostriction, scaled to the runs"})
 
 
-def fit_declared(chain: Chain, runs: Sequence[RunData], progress: Progress) -> Hypothesis:
+def fit_declared(
+    chain: Chain, runs: Sequence[RunData], progress: Progress, workers: Workers = IN_THIS_PROCESS
+) -> Hypothesis:
     """Fit the free parameters of a chain to the runs, with as short a history before each as the data ask for.
+
+    Args:
+        chain: with the values to start from.
+        runs: split into parts.
+        progress: is told what is being done.
+        workers: look for the histories side by side.
 
     Raises:
         BenchError: the chain has no ceramic, or an unknown parameter in `free:`.
     """
     quiet = without_noise(chain)
     model = _as_exact_as_seen(_ceramic_of(quiet))
-    coordinates = _coordinates(chain, any(run.has_polarization for run in runs))
+    coordinates = [(link, _within_sight(link, each, runs)) for link, each in _coordinates(chain, runs)]
     starts = [Start() for _ in runs]
     progress(f"fitting {chain.name}")
     found = _solved(quiet, model, coordinates, runs, starts)
     ratios = found.ratios
     if max(ratios) > _CLEAN:
-        starts = [_history(found, n, progress) if ratio > _CLEAN else Start() for n, ratio in enumerate(ratios)]
+        asked = [number for number, ratio in enumerate(ratios) if ratio > _CLEAN]
+        progress("history before " + ", ".join(runs[number].record.name for number in asked))
+        known = dict(zip(asked, workers.map(_history, repeat(found), asked), strict=False))
+        starts = [known.get(number, Start()) for number in range(len(runs))]
         if any(start.prior_voltages for start in starts):
             again = _solved(quiet, model, coordinates, runs, starts, found.vector)
             found = min(found, again, key=lambda h: h.total)
@@ -108,8 +126,9 @@ def _as_exact_as_seen(model: Ferroelectric) -> Ferroelectric:
     return dataclasses.replace(model, accuracy=max(model.accuracy, ACCURACY), method="midpoint")
 
 
-def _coordinates(chain: Chain, with_polarization: bool) -> list[tuple[Link, Coordinate]]:
+def _coordinates(chain: Chain, runs: Sequence[RunData]) -> list[tuple[Link, Coordinate]]:
     """What may move: as `free:` says, or all that can be told apart."""
+    with_polarization = any(run.has_polarization for run in runs)
     declared = free_parameters(chain)
     named = "free" in chain.notes
     found = []
@@ -120,6 +139,15 @@ def _coordinates(chain: Chain, with_polarization: bool) -> list[tuple[Link, Coor
         if float(getattr(link, parameter.field)) != 0.0 or named:
             found.append((link, coordinate(link, parameter.field)))
     return found
+
+
+def _within_sight(link: Link, each: Coordinate, runs: Sequence[RunData]) -> Coordinate:
+    """A thermal width within what the runs can tell: far below their swing all are alike, and take for ever."""
+    if not isinstance(link, Domains) or each.field != _NARROWING:
+        return each
+    swing = max(float(np.ptp(run.record.voltage)) for run in runs) / link.layer_thickness
+    most = each.start * (link.thermal_width / (_NARROWEST * swing)) ** 2
+    return dataclasses.replace(each, upper=min(each.upper, max(most, each.start)))
 
 
 def _solved(
@@ -138,10 +166,9 @@ def _solved(
     return fitted(staged, staged.start if vector is None else vector, most_steps=40)
 
 
-def _history(found: Hypothesis, number: int, progress: Progress) -> Start:
+def _history(found: Hypothesis, number: int) -> Start:
     """The shortest history of a run that its samples ask for, the parameters free to adapt where they were fitted."""
     run = found.staged.runs[number]
-    progress(f"history before {run.record.name}")
     picks = run.picks[FIT] if FIT in run.picks else run.picks[SELECTION]
     picks = picks[:: -(-picks.size // _SEARCHED)]
     part = CountedPart(run.record, picks, int(picks[-1]) + 1)

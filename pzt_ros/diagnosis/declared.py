@@ -28,6 +28,7 @@ _WIDE, _LOOSE = 1.0, 1e-3  # thermal widths between domains, error of x+: of wha
 _WIDEST = 10.0  # thermal widths between domains
 _COARSEST = 1e-2  # error of x+ on slow ramps
 _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 15 s
+_MOST_WIDE_DOMAINS = 4_000  # of one that takes the front model's place: spreads that ran away would make it far slower
 
 
 class _Slope(NamedTuple):
@@ -125,11 +126,12 @@ class DeclaredHysteresis:
             return in_few_steps(self._valued(self.quick, vector), self.records[number].voltage)
         link = self.link(vector)
         assert isinstance(link, Lattice)
-        return dataclasses.replace(link, spacing=max(link.spacing, _WIDE), accuracy=max(link.accuracy, _LOOSE))
+        wide = dataclasses.replace(link, spacing=max(link.spacing, _WIDE), accuracy=max(link.accuracy, _LOOSE))
+        return _affordable(wide, _MOST_WIDE_DOMAINS)
 
     def link(self, vector: Array) -> Ferroelectric:
         """The ceramic with the values of the vector, its domains no more than can be waited for."""
-        return _affordable(self._valued(self.model, vector))
+        return _affordable(self._valued(self.model, vector), _MOST_DOMAINS)
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         """P of each run whose voltage is given [C/m^2]; what was computed lately is not computed again."""
@@ -198,7 +200,7 @@ class DeclaredHysteresis:
         return out.polarization
 
 
-def _affordable(link: Ferroelectric) -> Ferroelectric:
+def _affordable(link: Ferroelectric, most: int) -> Ferroelectric:
     """A lattice with fewer domains and longer substeps where there would be too many to wait for.
 
     Records that do not tell the thermal width, one hold or one sine, let it shrink. The domains grow with its inverse
@@ -207,7 +209,7 @@ def _affordable(link: Ferroelectric) -> Ferroelectric:
     if not isinstance(link, Lattice) or link.threshold_density is not None:
         return link
     wide = [density.support(link.cut) for density in (link.coercive, link.interaction) if density.spread > 0]
-    excess = math.prod((high - low) / link.field_spacing for low, high in wide) / _MOST_DOMAINS
+    excess = math.prod((high - low) / link.field_spacing for low, high in wide) / most
     if excess <= 1.0:
         return link
     spacing = link.field_spacing / link.thermal_width * excess ** (1.0 / len(wide))

@@ -21,7 +21,7 @@ from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
-from pzt_ros.diagnosis.identifiability import Alike, alike_by_design
+from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for
 from pzt_ros.diagnosis.intervals import note_intervals
 from pzt_ros.diagnosis.next_experiment import (
     Bench,
@@ -92,7 +92,7 @@ def diagnose(
     refitting = threads() if workers is None else nullcontext(workers)
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
-        declared = fit_declared(chain or default_chain(runs), runs, progress)
+        declared = fit_declared(chain or default_chain(runs), runs, progress, pool)
         branches = [_trusted(branch, asked) for branch in _branches(declared, asked, progress, pool)]
         chosen = _chosen(branches, asked)
         progress("predicting")
@@ -177,14 +177,16 @@ def _report(
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
+    blind = alike_by_design([run.record for run in runs])
     tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
+    if chosen.density == "identified" and not (tied or chosen.final.effects):
+        tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
     remains = remains_of(runs, after.residuals, floor, _SLOW_FLOOR)
     sparse = _is_sparse(chosen, asked) and remains.present
     if sparse:
         remains = dataclasses.replace(remains, present=False)
     effects = _found(chosen, runs, (before, after), model, command)
-    blind = alike_by_design([run.record for run in runs])
     why, design = _next_experiment(effects, tied, remains, sparse, blind)
     drive = designed(design, _bench(chosen, runs), why) if design else None
     return Report(
@@ -332,7 +334,7 @@ def _next_experiment(
 ) -> tuple[str, Design | None]:
     """What to do next in words, and the design of its drive where one is needed."""
     if tied:
-        return design_between(tied[0])
+        return design_between([name for name in tied[0] if name != DENSITY])
     if blind and not effects:
         return design_between(sorted(blind[0].effects))
     if sparse:
@@ -371,7 +373,8 @@ def _verdict(
         sentences.append(f"Missing: {', '.join(_words(e.name) for e in effects)}; {fall}")
     if tied:
         either = " or ".join(_words(name) for name in tied[0])
-        sentences.append(f"Not identifiable from this data: {either}" + ("" if effects else f"; {fall}"))
+        same = effects or after is before
+        sentences.append(f"Not identifiable from this data: {either}" + ("" if same else f"; {fall}"))
     if not effects and not tied and not remains.present:
         sentences.append(
             f"Nothing is missing that these runs show: {remains.times_noise:.2f} x the noise floor is left"

@@ -42,7 +42,7 @@ class Picture:
         before = ("before", self.report.before, self.theme.before)
         return (
             [before, ("after", self.report.after, self.theme.after)]
-            if is_repaired(self.report)
+            if self.report.repaired
             else [("model", self.report.before, self.theme.after)]
         )
 
@@ -51,11 +51,6 @@ class Picture:
         """Indices of the runs that are drawn each by itself: test runs first."""
         order = sorted(range(len(self.report.runs)), key=lambda number: SCORE not in self.report.runs[number].picks)
         return order[:MOST_RUNS]
-
-
-def is_repaired(report: Report) -> bool:
-    """Whether anything was added to the declared model."""
-    return bool(report.effects or report.not_identifiable)
 
 
 def short_name(run: RunData) -> str:

@@ -30,7 +30,7 @@ from pzt_ros.sysid.run import Start
 
 _STEPS = 4
 _CLEAN = 2.0  # residual over noise where nothing was fitted: the starts need not be doubted, which takes long
-_BETTER = 0.98
+_DOUBTED = 0.5  # of what is left beyond the noise: free occupancies always take a little of whatever it is
 _AT_REST = 0.02  # of the largest voltage
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
@@ -160,9 +160,11 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
 def _identified(
     fit: IdentifiedFit, runs: Sequence[RunData], voltages: Sequence[Array], unknown: Sequence[bool]
 ) -> tuple[IdentifiedResult, Sequence[bool]]:
-    """The density, and of which runs the start is unknown: of all where that describes the parts that choose better.
+    """The density, and of which runs the start is unknown: of all where that explains far more on what chooses.
 
-    Runs with a part to fit are fitted; those with a part that chooses choose.
+    A density that was fitted beside free starts need not know what switches on the way up from rest: a run from rest
+    that it has not seen is then predicted micrometres off. Runs with a part to fit are fitted; those with a part that
+    chooses choose.
     """
 
     def measured(unknown: Sequence[bool]) -> tuple[list[MeasuredRun], list[MeasuredRun]]:
@@ -177,7 +179,7 @@ def _identified(
     if choice.held_out > _CLEAN and not all(unknown):
         doubted = [True] * len(runs)
         other = fit.only(choice).chosen(*measured(doubted))
-        if other.best[0].held_out < _BETTER * choice.held_out:
+        if other.best[0].held_out ** 2 - 1.0 < _DOUBTED * (choice.held_out**2 - 1.0):
             comparison, unknown = other, doubted
     return fit.finished(comparison, measured(unknown)[0]), unknown
 

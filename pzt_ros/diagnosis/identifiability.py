@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.turning_points import turning_points
 from pzt_ros.records import Record
 
@@ -38,6 +40,28 @@ class Alike(NamedTuple):
 def alike_by_design(records: Sequence[Record]) -> list[Alike]:
     """What runs cannot tell apart, whatever is found in them."""
     return [each for each in _ALIKE if each.is_so(records)]
+
+
+def stood_in_for(
+    declared: Hypothesis, identified: Hypothesis, blind: Sequence[Alike], asked: Thresholds
+) -> tuple[tuple[str, ...], ...]:
+    """What an identified density may stand in for on runs whose design hides it: one group of names, or none.
+
+    The declared density leaves something that the identified one explains. So either that density is another than
+    declared, or there is one of the effects that such runs cannot tell from a density.
+
+    Args:
+        declared: the fitted declared model.
+        identified: the fitted model with an identified density, without an effect.
+        blind: what the runs cannot tell apart by their design.
+        asked: what counts as something and as nothing.
+    """
+    left = max(declared.ratios) > asked.near_floor and identified.fit.ratio <= asked.floor
+    return ((DENSITY, *sorted(blind[0].effects)),) if blind and left else ()
+
+
+DENSITY = "hysteresis_density"
+"""In the place of an effect, see effects/confounded.py."""
 
 
 def _one_way(records: Sequence[Record]) -> bool:

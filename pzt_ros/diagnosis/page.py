@@ -78,7 +78,7 @@ def write_page(report: Report, path: Path) -> None:
         report=report,
         headline=tuple(_brief(part, report) for part in _headline(report)),
         seen=_brief(report.remains.what_is_seen, report),
-        repaired=bool(report.effects or report.not_identifiable),
+        repaired=report.repaired,
         rows=error_rows(report),
         models=model_rows(report),
         figures={shown.name: shown for shown in _draw(report)},
@@ -140,7 +140,7 @@ def _cell(report: Report, residuals: Sequence[Array], share: float) -> Cell:
 def model_rows(report: Report) -> list[tuple[str, Errors, float]]:
     """Name, errors and share of the span where it counts, of the generic models and of ours."""
     named = [*report.baselines.items(), ("the model as declared", report.before)]
-    if report.effects or report.not_identifiable:
+    if report.repaired:
         named.append(("with what was found", report.after))
     part = SCORE if report.test else FIT
     return [(name, found, share_of_span(report.runs, found.residuals, part)) for name, found in named]

@@ -15,6 +15,7 @@ from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.next_experiment import NextExperiment
 from pzt_ros.diagnosis.outcome import Errors
 from pzt_ros.diagnosis.remains import Remains
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 
@@ -113,6 +114,11 @@ class Report:
     def runs(self) -> tuple[RunData, ...]:
         """All of them, train first."""
         return (*self.train, *self.test)
+
+    @property
+    def repaired(self) -> bool:
+        """Whether an effect was added: alone, or as the first of a group that the runs cannot tell apart."""
+        return bool(self.effects) or any(group[0] in EFFECT_OF for group in self.not_identifiable)
 
     def as_data(self) -> dict[str, Any]:
         """The content of report.json (contract.md, schema 1); SI, the unit in the name."""

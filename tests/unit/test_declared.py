@@ -9,7 +9,9 @@ import pytest
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import declared
+from pzt_ros.diagnosis.base import _within_sight
 from pzt_ros.diagnosis.coordinates import coordinate
+from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -66,3 +68,25 @@ def test_fewer_domains_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     fewer = ceramic.link(ceramic.start)
     assert domains(fewer) < 0.4 * domains(link)
     assert np.std(polarization(fewer) - exact) < 1.5e-3 * np.ptp(exact)
+
+
+def test_what_takes_the_front_models_place_has_fewer_domains_still() -> None:
+    ceramic = searched(dataclasses.replace(lattice(), interaction_field_spread=1e14))
+    ceramic._rough = [True]
+    near = ceramic._near(ceramic.start, 0)
+    assert isinstance(near, Lattice)
+    assert domains(near) <= 1.1 * declared._MOST_WIDE_DOMAINS < domains(ceramic.model)
+
+
+def test_thermal_width_stays_within_what_the_runs_can_tell() -> None:
+    """One sine once led it to 0.05 V/m, where a lattice of it takes for ever."""
+    link = lattice()
+    time = np.arange(0.0, 2.0, 2e-3)
+    voltage = 60.0 - 60.0 * np.cos(2.0 * np.pi * time)
+    record = Record("loop", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
+    each = _within_sight(link, coordinate(link, "domain_volume"), [RunData(record, {}, 1e-9)])
+    narrowest = dataclasses.replace(link, domain_volume=each.upper)
+    assert narrowest.thermal_width == pytest.approx(0.005 * 120.0 / link.layer_thickness)
+    assert each.upper < coordinate(link, "domain_volume").upper
+    kept = coordinate(link, "coercive_field")
+    assert _within_sight(link, kept, [RunData(record, {}, 1e-9)]) == kept
