@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from importlib import resources
 from types import TracebackType
@@ -52,3 +53,11 @@ class ForeignNode:
         while not done():
             assert clock.now().nanoseconds < deadline, f"waited {patience:.0f} s in vain"
             self._executor.spin_once(timeout_sec=0.05)
+
+    def hear_out(self, quiet: float = 0.5) -> None:
+        """Handle what has come and was not in turn yet, until nothing was kept for so long [s]."""
+        before = -1
+        while (heard := sum(len(messages) for messages in self.heard.values())) > before:
+            before, end = heard, time.monotonic() + quiet
+            while time.monotonic() < end:
+                self._executor.spin_once(timeout_sec=0.05)

@@ -61,7 +61,7 @@ def taken_in_stride(bench: LoneAmplifier, rng: np.random.Generator, harm: Harm, 
     begin, block = time.monotonic(), bench.next_block
     went_on = bench.run(lambda: bench.next_block > block + 2, 3.0)
     seconds = bench.heard - begin
-    bench.run(lambda: not key or bench.count(key) > counted, 3.0)  # counters are said once a second
+    bench.run(lambda: not key or bench.count(key) > counted, 10.0)  # counters are said once a second
     bench.run_for(0.1)
     if went_on and bench.state == "enabled" and (not key or bench.count(key) > counted):
         bench.stop()
