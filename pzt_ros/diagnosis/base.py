@@ -33,7 +33,7 @@ _SCALE = "domain_polarization"
 _NARROWING = "domain_volume"
 """The thermal width goes with the root of its inverse."""
 
-_NARROWEST = 5e-3  # thermal width over the swing of the field
+_NARROWEST = 1e-2  # thermal width over the swing of the field
 _CLEAN = 1.1
 _SEARCHED = 4_000  # samples that a search for histories looks at
 _SPACING = 0.35  # of the thermal width

@@ -86,7 +86,7 @@ def test_thermal_width_stays_within_what_the_runs_can_tell() -> None:
     record = Record("loop", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
     each = _within_sight(link, coordinate(link, "domain_volume"), [RunData(record, {}, 1e-9)])
     narrowest = dataclasses.replace(link, domain_volume=each.upper)
-    assert narrowest.thermal_width == pytest.approx(0.005 * 120.0 / link.layer_thickness)
+    assert narrowest.thermal_width == pytest.approx(0.01 * 120.0 / link.layer_thickness)
     assert each.upper < coordinate(link, "domain_volume").upper
     kept = coordinate(link, "coercive_field")
     assert _within_sight(link, kept, [RunData(record, {}, 1e-9)]) == kept
