@@ -122,7 +122,7 @@ def _print(report: Report, out: Path) -> None:
     for heading in ("train [nm]", f"{part} [nm]", "95 % interval", "x noise"):
         table.add_column(heading, justify="right")
     named = [*report.baselines.items(), ("as declared", report.before), ("with what was found", report.after)]
-    for name, errors in named if report.effects or report.not_identifiable else named[:-1]:
+    for name, errors in named if report.repaired else named[:-1]:
         low, high = (1e9 * limit for limit in errors.interval)
         table.add_row(
             name,

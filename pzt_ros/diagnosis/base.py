@@ -85,7 +85,7 @@ def fit_declared(
     if max(ratios) > _CLEAN:
         asked = [number for number, ratio in enumerate(ratios) if ratio > _CLEAN]
         progress("history before " + ", ".join(runs[number].record.name for number in asked))
-        known = dict(zip(asked, workers.map(_history, repeat(found), asked), strict=False))
+        known = dict(zip(asked, workers.map(_history, repeat(found), asked), strict=True))
         starts = [known.get(number, Start()) for number in range(len(runs))]
         if any(start.prior_voltages for start in starts):
             again = _solved(quiet, model, coordinates, runs, starts, found.vector)

@@ -25,6 +25,7 @@ from pzt_ros.diagnosis.flexible import FlexibleHysteresis, _identified
 from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
+from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Screen
 from pzt_ros.diagnosis.search import Candidate, Search, Step
@@ -268,6 +269,16 @@ def test_what_a_density_may_stand_in_for_is_said_where_the_design_hides_it() -> 
     assert stood_in_for(bent, clean, [], asked) == ()
     assert stood_in_for(bent, bent, [design], asked) == ()  # it does not explain it either
     assert stood_in_for(clean, clean, [design], asked) == ()
+
+
+def test_page_tells_what_a_density_may_stand_in_for(null: Report, tmp_path: Path) -> None:
+    group = ("hysteresis_density", "sensor_lag", "slow_relaxation")
+    report = dataclasses.replace(null, not_identifiable=(group,))
+    assert not report.repaired
+    write_page(report, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Not identifiable from these runs: hysteresis density or sensor lag or slow relaxation." in page
+    assert "each of the others looks like it" in page
 
 
 @pytest.mark.parametrize(("held_out", "doubted"), [(6.9, False), (2.0, True)])
