@@ -55,10 +55,13 @@ def _substep(state, fr, start, end, duration):  # type: ignore[no-untyped-def]
     u, lead, l, lead_l, slaved = advance(fr.table, fronts, y0, y1, duration)
     state[LEADER], state[LEAD], state[FOLLOWER], state[FOLLOWER_LEAD] = u, lead, l, lead_l
     state[SLAVED] = 1.0 if slaved else 0.0
-    close(state, fr, y1)
-    if left_behind(fr, u, l, y1):
+    turned = False
+    while True:  # twice at most, with one call of `close`: each costs half a second to compile
+        close(state, fr, y1)
+        if turned or not left_behind(fr, u, l, y1):
+            break
         turn(state, fr, y1)
-        close(state, fr, -y1)
+        turned, y1 = True, -y1
 
 
 @inner

@@ -18,7 +18,7 @@ All lengths here are in units of the thermal width d, times in units of tau.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -28,11 +28,11 @@ from pzt_ros.physics.kinetics import exponential
 from pzt_ros.physics.signals import Array
 
 HALF = math.log(2.0)
-_PER_HALF = 1.0 / HALF
+PER_HALF = 1.0 / HALF
 _ROOT_PI = math.sqrt(math.pi)
 
-_FIRST, _LAST = -12.0, 40.0
-_PER_UNIT = 32
+FIRST, LAST = -12.0, 40.0
+PER_UNIT = 32
 LOW, HIGH, SHARE, REACH, SLOPE, BEND, CURVE, STEEPEN, RATE, LOG, LEAD, COLUMNS = map(np.int64, (*range(9), 12, 16, 20))
 """Columns of the table over z, see `front_table`; four each of RATE, LOG and LEAD.
 
@@ -43,6 +43,7 @@ _WITHIN: dict[str, Any] = {
     "cache": True,
     "error_model": "numpy",
     "fastmath": {"contract"},
+    "_nrt": False,
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
 }
@@ -59,9 +60,9 @@ inlined = njit(**_WITHIN, forceinline=True)
 unfolded = njit(**_WITHIN, inline="always")
 """The same for what is called in one place: it is compiled there only."""
 
-_NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
-_SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
-_SHORT = 0.1  # climb of the field for which the rate is a parabola
+NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
+SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
+SHORT = 0.1  # climb of the field for which the rate is a parabola
 _GAUSS = tuple((float(x) / 2, float(w) / 2) for x, w in zip(*np.polynomial.legendre.leggauss(5), strict=True))
 """Nodes from -1/2 to 1/2 and weights: for a climb of up to 1 d they do."""
 _APART = 1e-8  # relative attempts of a front at another that do not count any more
@@ -77,7 +78,7 @@ def front_table() -> Array:
     the Gauss rule for the distribution of hard fronts 1 - exp(-H): mean, width and skewness are right.
     REACH: how far ahead of u a front of lead z has made attempts that count.
     """
-    z = np.arange(_FIRST, _LAST + 0.5 / _PER_UNIT, 1 / _PER_UNIT)
+    z = np.arange(FIRST, LAST + 0.5 / PER_UNIT, 1 / PER_UNIT)
     fine = np.arange(-20.0, 400.0, 1 / 128)
     log_fine = np.log(attempts(fine))
     log_attempts = np.log(attempts(z))
@@ -102,15 +103,15 @@ def front_table() -> Array:
     slope = rate / np.exp(log_attempts)
     table[:, SLOPE], table[:, BEND], table[:, CURVE] = slope, slope * growth, slope * growth2
     table[:, STEEPEN] = 1 / (slope * (growth - slope))
-    table[:, RATE : RATE + 4] = _cubics(rate, rate * growth / _PER_UNIT)
-    table[:, LOG : LOG + 4] = _cubics(log_attempts, slope / _PER_UNIT)
+    table[:, RATE : RATE + 4] = _cubics(rate, rate * growth / PER_UNIT)
+    table[:, LOG : LOG + 4] = _cubics(log_attempts, slope / PER_UNIT)
     lead = z.copy()
     for _ in range(20):  # Newton
         rate = 1 / special.erfcx(lead)
         slope = rate / attempts(lead)
         per_lead = slope * (slope - 2 / _ROOT_PI * rate + 2 * lead) * (2 / slope**2 + 0.5)
         lead += (z - 2 / slope + slope / 2) / per_lead
-    table[:, LEAD : LEAD + 4] = _cubics(lead, 1 / per_lead / _PER_UNIT)
+    table[:, LEAD : LEAD + 4] = _cubics(lead, 1 / per_lead / PER_UNIT)
     return table
 
 
@@ -131,7 +132,7 @@ def attempts(z: Array) -> Array:
 @inlined
 def row_of(table, z):  # type: ignore[no-untyped-def]
     """Where z lies in the table: row and fraction of the way to the next."""
-    s = min(max((z - _FIRST) * _PER_UNIT, 0.0), table.shape[0] - 1.000001)
+    s = min(max((z - FIRST) * PER_UNIT, 0.0), table.shape[0] - 1.000001)
     k = int(s)
     return np.uint64(k), s - k  # Numba spares the test for negative indices
 
@@ -142,21 +143,66 @@ def entry(table, k, t, column):  # type: ignore[no-untyped-def]
     return table[k, column] + t * (table[k + np.uint64(1), column] - table[k, column])
 
 
+class Rates(NamedTuple):
+    """A row of the table for p: where it begins, and its cubic in rows from there."""
+
+    begin: float
+    p0: float
+    p1: float
+    p2: float
+    p3: float
+
+
+class Slopes(NamedTuple):
+    """A row of the table for a front: where it begins, what it has there, the changes to the next, REACH at most."""
+
+    begin: float
+    slope: float
+    bend: float
+    curve: float
+    steepen: float
+    slope_change: float
+    bend_change: float
+    curve_change: float
+    steepen_change: float
+    reach: float
+
+
+@inlined
+def rates_at(table, z):  # type: ignore[no-untyped-def]
+    """The row for p around z, for z below LAST."""
+    row = int(max((z - FIRST) * PER_UNIT, 0.0))
+    k = np.uint64(row)
+    return Rates(FIRST + row / PER_UNIT, table[k, RATE], table[k, RATE + 1], table[k, RATE + 2], table[k, RATE + 3])
+
+
+@inlined
+def slopes_at(table, lead):  # type: ignore[no-untyped-def]
+    """The row for a front around its lead."""
+    k, _ = row_of(table, lead)
+    m = k + np.uint64(1)
+    a, b, c, d = table[k, SLOPE], table[k, BEND], table[k, CURVE], table[k, STEEPEN]
+    more, further, still, last = table[m, SLOPE] - a, table[m, BEND] - b, table[m, CURVE] - c, table[m, STEEPEN] - d
+    return Slopes(FIRST + k / PER_UNIT, a, b, c, d, more, further, still, last, table[m, REACH])
+
+
+@inlined
+def rate_in(row, z):  # type: ignore[no-untyped-def]
+    """p(z) from its row."""
+    t = (z - row.begin) * PER_UNIT
+    return row.p0 + t * (row.p1 + t * (row.p2 + t * row.p3))
+
+
 @inlined
 def _rate(table, z):  # type: ignore[no-untyped-def]
     """p(z) from the table, to 1e-5; its slope is p (2 p/sqrt(pi) - 2 z)."""
-    if z >= _LAST:
-        return _ROOT_PI * (z + 0.5 / z)  # asymptotic, to 2e-7
-    s = max((z - _FIRST) * _PER_UNIT, 0.0)
-    row = int(s)
-    k, t = np.uint64(row), s - row
-    return table[k, RATE] + t * (table[k, RATE + 1] + t * (table[k, RATE + 2] + t * table[k, RATE + 3]))
+    return _ROOT_PI * (z + 0.5 / z) if z >= LAST else rate_in(rates_at(table, z), z)  # asymptotic, to 2e-7
 
 
 @inner
 def _log_attempts(table, z):  # type: ignore[no-untyped-def]
     """ln Phi(z) from the table."""
-    if z >= _LAST:
+    if z >= LAST:
         return math.log(_ROOT_PI / 2 * (math.log(2.0 * _ROOT_PI * z) + z * z))
     k, t = row_of(table, z)
     return table[k, LOG] + t * (table[k, LOG + 1] + t * (table[k, LOG + 2] + t * table[k, LOG + 3]))
@@ -167,13 +213,12 @@ def _lead_of(table, slope):  # type: ignore[no-untyped-def]
     """The lead z with p(z)/Phi(z) = slope."""
     k, t = row_of(table, 2.0 / slope - 0.5 * slope)
     z = table[k, LEAD] + t * (table[k, LEAD + 1] + t * (table[k, LEAD + 2] + t * table[k, LEAD + 3]))
-    return min(max(z, _FIRST), _LAST)
+    return min(max(z, FIRST), LAST)
 
 
 @inlined
-def _short_piece(table, z, climb, duration):  # type: ignore[no-untyped-def]
-    """As `_piece`, with z at mid-climb, for a climb so short that the rate is a parabola."""
-    p = _rate(table, z)
+def short_piece(p, z, climb, duration):  # type: ignore[no-untyped-def]
+    """As `_piece`, with z and p(z) at mid-climb, for a climb so short that the rate is a parabola."""
     growth = 2.0 / _ROOT_PI * p - 2.0 * z  # p'/p; then p''/p
     growth2 = growth * (4.0 / _ROOT_PI * p - 2.0 * z) - 2.0
     H = duration * p
@@ -181,13 +226,27 @@ def _short_piece(table, z, climb, duration):  # type: ignore[no-untyped-def]
     return H, H * growth, H * growth2
 
 
+@inlined
+def strode(row, lead, more, fall, fall2):  # type: ignore[no-untyped-def]
+    """How far a front moves and how its lead changes by few attempts: relative to half, with minus their slopes."""
+    r = (lead - row.begin) * PER_UNIT
+    # attempts at u + y, in terms of those at u: 1 + more - first y + second y^2/2 - third y^3/6 = 1
+    first = row.slope + r * row.slope_change + fall
+    second, third = row.bend + r * row.bend_change + fall2, row.curve + r * row.curve_change
+    inverse = 1.0 / first
+    y, a, b = more * inverse, 0.5 * second * inverse, third * (1.0 / 6.0) * inverse
+    y *= 1.0 + y * (a + y * (2.0 * a * a - b))  # series reversion
+    change = fall - y * (second - 0.5 * y * third)
+    return y, change * (row.steepen + r * row.steepen_change)
+
+
 @inner
 def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
     """Attempts at the threshold a during a linear piece of field, and minus their first and second slope over a."""
     climb = end - start
     z = 0.5 * (start + end) - a
-    if abs(climb) < _SHORT:
-        return _short_piece(table, z, climb, duration)
+    if abs(climb) < SHORT:
+        return short_piece(_rate(table, z), z, climb, duration)
     H, H1, H2 = 0.0, 0.0, 0.0
     for node, weight in _GAUSS:
         y = z + node * climb
@@ -203,24 +262,18 @@ def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
 @inner
 def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     """Position and lead of a front that moves up, after a linear piece of field."""
-    climb = end - start
-    if abs(climb) < _SHORT:
-        more, fall, fall2 = _short_piece(table, 0.5 * (start + end) - u, climb, duration * _PER_HALF)
+    climb, relative = end - start, duration * PER_HALF
+    if abs(climb) < SHORT:
+        z = 0.5 * (start + end) - u
+        more, fall, fall2 = short_piece(_rate(table, z), z, climb, relative)
     else:
-        more, fall, fall2 = _piece(table, u, start, end, duration * _PER_HALF)
-    if more < _NO_ATTEMPTS:
+        more, fall, fall2 = _piece(table, u, start, end, relative)
+    if more < NO_ATTEMPTS:
         return u, lead
-    if more > _SMALL:
+    if more > SMALL:
         return _move_far(table, u, lead, start, end, duration, more, fall)
-    k, t = row_of(table, lead)
-    # attempts at u + y, in terms of those at u: 1 + more - first y + second y^2/2 - third y^3/6 = 1
-    first = entry(table, k, t, SLOPE) + fall
-    second, third = entry(table, k, t, BEND) + fall2, entry(table, k, t, CURVE)
-    inverse = 1.0 / first
-    y, a, b = more * inverse, 0.5 * second * inverse, third * (1.0 / 6.0) * inverse
-    y *= 1.0 + y * (a + y * (2.0 * a * a - b))  # series reversion
-    change = fall - y * (second - 0.5 * y * third)
-    return u + y, lead + change * entry(table, k, t, STEEPEN)
+    ahead, change = strode(slopes_at(table, lead), lead, more, fall, fall2)
+    return u + ahead, lead + change
 
 
 @inner

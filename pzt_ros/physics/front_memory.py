@@ -96,7 +96,7 @@ def reached(table, passed, lead, u):  # type: ignore[no-untyped-def]
     return passed <= u or (passed <= u + 1.0 and relative_attempts(table, passed, lead, u) <= _CLOSED)
 
 
-@inner
+@unfolded
 def close(state, fr, field):  # type: ignore[no-untyped-def]
     """Wipe out the turning points that the leader has passed, moving it so that x+ stays."""
     while state[DEPTH] >= 2:

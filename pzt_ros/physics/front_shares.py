@@ -110,23 +110,31 @@ def _row(f, i, a, l1, l2, v):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _mean_of(f, u, l1, l2, v):  # type: ignore[no-untyped-def]
+    """Mean over two hard fronts l, of weights v and the rest, for one at u [grid steps]."""
+    if u >= max(l1, l2) and min(l1, l2) >= 0.0 and u < f.shape[1] - 1.0:
+        i = int(u)
+        s = u - i
+        return _row(f, i, _weights(s, s * s, s * s * s), l1, l2, v)
+    total = 0.0
+    for l, b in ((l1, v), (l2, 1.0 - v)):
+        total += b * _hard(f, u, l)
+    return total
+
+
+@inner
 def _mean(f, u1, u2, w, l1, l2, v):  # type: ignore[no-untyped-def]
     """Mean of four pairs of hard fronts: u1 has the weight w and u2 the rest, l1 v and l2 the rest [grid steps].
 
     Mostly both u or both l lie in a cell; one sum over it then does for both.
     """
-    if min(u1, u2) >= max(l1, l2) and min(l1, l2) >= 0.0 and max(u1, u2) < f.shape[1] - 1.0:
-        i, k = int(u1), int(u2)
-        s, t = u1 - i, u2 - k
-        if i == k:
-            return _row(f, i, _mixed(w, s, t), l1, l2, v)
-        first = _row(f, i, _weights(s, s * s, s * s * s), l1, l2, v)
-        return w * first + (1.0 - w) * _row(f, k, _weights(t, t * t, t * t * t), l1, l2, v)
-    if max(u1, u2) <= min(l1, l2):
-        return 0.0
-    first = v * _hard(f, u1, l1) + (1.0 - v) * _hard(f, u1, l2)
-    second = v * _hard(f, u2, l1) + (1.0 - v) * _hard(f, u2, l2)
-    return w * first + (1.0 - w) * second
+    if min(u1, u2) >= max(l1, l2) and min(l1, l2) >= 0.0 and max(u1, u2) < f.shape[1] - 1.0 and int(u1) == int(u2):
+        i = int(u1)
+        return _row(f, i, _mixed(w, u1 - i, u2 - i), l1, l2, v)
+    total = 0.0
+    for u, a in ((u1, w), (u2, 1.0 - w)):
+        total += a * _mean_of(f, u, l1, l2, v)
+    return total
 
 
 @inner
@@ -182,23 +190,38 @@ def between(shares, half, per, u, profile, field):  # type: ignore[no-untyped-de
 
 
 @inner
-def _virgin(f, per, u, l):  # type: ignore[no-untyped-def]
-    """x - initial of hard fronts in a virgin specimen: first down to l, then up to u."""
-    middle = 0.5 * (f.shape[1] - 1)
-    if u > -l:
-        return _hard(f[LOWER], middle + u * per, middle - u * per)
-    before = _hard(f[UPPER], middle - l * per, middle + l * per)
-    return _hard(f[TRIANGLE], middle + u * per, middle + l * per) - before
+def _virgin_curve(f, u):  # type: ignore[no-untyped-def]
+    """x - initial of a hard front at u [grid steps] that comes from the virgin state."""
+    return _hard(f[LOWER], u, f.shape[1] - 1.0 - u)
+
+
+@inner
+def virgin_share(f, l1, l2, v):  # type: ignore[no-untyped-def]
+    """Of what the hard fronts l [grid steps] took up on a way down from the virgin state, the mean: it comes back."""
+    last = f.shape[1] - 1.0
+    return v * _hard(f[UPPER], last - l1, l1) + (1.0 - v) * _hard(f[UPPER], last - l2, l2)
+
+
+@inner
+def _hard_first_leg(f, u, l):  # type: ignore[no-untyped-def]
+    """x - initial of hard fronts [grid steps] in a virgin specimen: first down to l, then up to u."""
+    back = f.shape[1] - 1.0 - l
+    return _virgin_curve(f, u) if u > back else _hard(f[TRIANGLE], u, l) - _hard(f[UPPER], back, l)
 
 
 @inner
 def first_leg(f, per, u, profile, l, profile_l):  # type: ignore[no-untyped-def]
     """What the way up to u adds to x where all before was a way down to l from the virgin state."""
-    u1, u2, w = u + profile[0], u + profile[1], profile[2]
-    l1, l2, v = l - profile_l[0], l - profile_l[1], profile_l[2]
-    first = v * _virgin(f, per, u1, l1) + (1.0 - v) * _virgin(f, per, u1, l2)
-    second = v * _virgin(f, per, u2, l1) + (1.0 - v) * _virgin(f, per, u2, l2)
-    return w * first + (1.0 - w) * second
+    middle = 0.5 * (f.shape[1] - 1)
+    u1, u2, w = middle + (u + profile[0]) * per, middle + (u + profile[1]) * per, profile[2]
+    l1, l2, v = middle + (l - profile_l[0]) * per, middle + (l - profile_l[1]) * per, profile_l[2]
+    if min(u1, u2) > 2.0 * middle - min(l1, l2):
+        return w * _virgin_curve(f, u1) + (1.0 - w) * _virgin_curve(f, u2)
+    total = 0.0
+    for at, a in ((u1, w), (u2, 1.0 - w)):
+        for at_l, b in ((l1, v), (l2, 1.0 - v)):
+            total += a * b * _hard_first_leg(f, at, at_l)
+    return total
 
 
 @inner
