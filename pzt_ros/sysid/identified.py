@@ -30,6 +30,7 @@ _SCALARS = ("relaxation_time", "thermal_field", "settling_time", "susceptibility
 _LEAST_SETTLING, _MOST_SETTLING = 0.01, 1e4  # of the sampling time, of the longest run
 _FINE_ENOUGH = 0.55  # distance of the fine lines over d: methods.md 1.3
 _COARSEST = 0.8  # distance of the fine lines over d: beyond, the staircase shows (5e-4 at 1)
+_STEEPEST = 300.0  # slope of what does not switch, over that of all domains: without a bound it ran to 1e42
 _LEAST_TIME = 1.01e-9  # [s]; the link's own bound
 _DIFFERENCE = 1e-4  # of a logarithm
 _FINE = 160
@@ -123,6 +124,7 @@ class IdentifiedHysteresis:
             math.log(_MOST_SETTLING * longest),
         )
         settling = math.log(10.0 * step)
+        self.upper[SUSCEPTIBILITY] = _STEEPEST * self.total / span
         if not any(self.unknown_start):
             self.lower[LOG_SETTLING] = self.upper[LOG_SETTLING] = settling
         self.upper[count - free :] = 1.0

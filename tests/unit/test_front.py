@@ -206,6 +206,16 @@ def test_inverse_gives_the_voltage_back(noise):
     assert after[kernel.DEPTH] == inverted[kernel.DEPTH]
 
 
+def test_closing_loops_glide_as_the_substeps_go():
+    """Loops of a virgin specimen and loops in loops that close: the inverse tries through the substeps alone."""
+    signals = drive([0, 1.5, -1.5, 1.5, 0.3, 1.2, 0.3, 1.5, -1.5, 1.7, -0.5, 0.6, 0, 0.6, -1.8], 3e6, samples=6000)
+    start = FRONT.init(Rest())
+    after, out = FRONT.step(start, signals)
+    inverted, found = FRONT.invert(start, Signals(time=signals.time, polarization=out.polarization))
+    assert after[kernel.DEPTH] == inverted[kernel.DEPTH]
+    np.testing.assert_allclose(found.phase_fraction, out.phase_fraction, rtol=0, atol=1e-9)
+
+
 def test_inverse_of_what_cannot_be_stays_finite():
     time = np.arange(1, 6) / 20e3
     target = np.array([0.1, np.nan, 5.0, -5.0, 0.0])
