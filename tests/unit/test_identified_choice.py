@@ -61,6 +61,17 @@ def test_another_run_chooses(small_fit: IdentifiedFit) -> None:
     assert min(choice.held_out for choice in spoilt.choices) > 10.0 * found.choices[0].held_out
 
 
+def test_what_does_not_switch_is_bounded(small_fit: IdentifiedFit) -> None:
+    """A stage without hysteresis asks for no domains; the law behind has any scale, and P ran to 1e48 C/m^2 once."""
+    run = run_to(150.0, 1)
+    noise = np.random.default_rng(0).normal(0.0, NOISE, run.time.size)
+    found = small_fit.fit([replace(run, measured=8e-8 * run.voltage + noise)])
+    base = found.problem.base
+    (polarization,) = base.polarization(found.vector[: found.problem.law.start], [run.voltage])
+    assert found.choices[0].train == pytest.approx(1.0, abs=0.1)
+    assert np.max(np.abs(polarization)) < 400.0 * base.total
+
+
 @dataclass(frozen=True)
 class Ceramic:
     """Only what `hypothesis` asks for."""
