@@ -29,8 +29,6 @@ from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.run import Start
 
 _STEPS = 4
-_CLEAN = 2.0  # residual over noise where nothing was fitted: the starts need not be doubted, which takes long
-_DOUBTED = 0.5  # of what is left beyond the noise: free occupancies always take a little of whatever it is
 _AT_REST = 0.02  # of the largest voltage
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
@@ -126,7 +124,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
     unknown = [known_not or _begins_driven(run) for known_not, run in zip(unknown, runs, strict=True)]
     reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
-    found, unknown = _identified(fit, runs, voltages, unknown)
+    found = _identified(fit, runs, voltages, unknown)
     base = found.problem.base
     flexible = FlexibleHysteresis(
         [run.record.time for run in runs],
@@ -159,29 +157,15 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
 
 def _identified(
     fit: IdentifiedFit, runs: Sequence[RunData], voltages: Sequence[Array], unknown: Sequence[bool]
-) -> tuple[IdentifiedResult, Sequence[bool]]:
-    """The density, and of which runs the start is unknown: of all where that explains far more on what chooses.
+) -> IdentifiedResult:
+    """Runs with a part to fit are fitted, those with a part that chooses choose.
 
-    A density that was fitted beside free starts need not know what switches on the way up from rest: a run from rest
-    that it has not seen is then predicted micrometres off. Runs with a part to fit are fitted; those with a part that
-    chooses choose.
+    A start is free only where the run has a past. Free starts everywhere describe runs better, whatever is missing, and
+    hide it; and the density beside them need not know what switches on the way up from rest.
     """
-
-    def measured(unknown: Sequence[bool]) -> tuple[list[MeasuredRun], list[MeasuredRun]]:
-        numbered = list(enumerate(runs))
-        return (
-            [_measured(run, voltages[n], unknown[n]) for n, run in numbered if FIT in run.picks],
-            [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks],
-        )
-
-    comparison = fit.chosen(*measured(unknown))
-    choice = comparison.best[0]
-    if choice.held_out > _CLEAN and not all(unknown):
-        doubted = [True] * len(runs)
-        other = fit.only(choice).chosen(*measured(doubted))
-        if other.best[0].held_out ** 2 - 1.0 < _DOUBTED * (choice.held_out**2 - 1.0):
-            comparison, unknown = other, doubted
-    return fit.finished(comparison, measured(unknown)[0]), unknown
+    numbered = list(enumerate(runs))
+    measured = [_measured(run, voltages[n], unknown[n]) for n, run in numbered if FIT in run.picks]
+    return fit.fit(measured, [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks])
 
 
 def _begins_driven(run: RunData) -> bool:

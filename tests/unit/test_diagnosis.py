@@ -10,8 +10,6 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +36,7 @@ from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record
-from pzt_ros.sysid.identified_fit import Choice, IdentifiedFit
+from pzt_ros.sysid.identified_fit import IdentifiedFit
 from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.predict import predict
 
@@ -281,28 +279,19 @@ def test_page_tells_what_a_density_may_stand_in_for(null: Report, tmp_path: Path
     assert "each of the others looks like it" in page
 
 
-@pytest.mark.parametrize(("held_out", "doubted"), [(6.9, False), (2.0, True)])
-def test_starts_are_doubted_only_where_that_explains_far_more(
-    held_out: float, doubted: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A court case: with free starts 6.9 instead of 7.4 x noise was left, and a run from rest predicted 8 um off."""
-    found = {False: 7.4, True: held_out}
-    finished: list[bool] = []
+@pytest.mark.parametrize("past", [[False, False], [True, False]])
+def test_starts_are_free_only_where_a_run_has_a_past(past: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Court cases: free starts hid what was missing, and runs from rest were predicted 0.2 to 8 um off."""
+    seen: list[bool] = []
 
-    def chosen(fit: IdentifiedFit, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> Any:
-        choice = Choice(8, 0.0, 2, 1.0, found[all(each.unknown_start for each in runs)])
-        return SimpleNamespace(best=(choice, None, None))
+    def fit(self: IdentifiedFit, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> None:
+        seen.extend(run.unknown_start for run in (*runs, *choosing))
 
-    def done(fit: IdentifiedFit, comparison: Any, runs: Sequence[MeasuredRun]) -> Any:
-        finished.append(all(each.unknown_start for each in runs))
-
-    monkeypatch.setattr(IdentifiedFit, "chosen", chosen)
-    monkeypatch.setattr(IdentifiedFit, "finished", done)
+    monkeypatch.setattr(IdentifiedFit, "fit", fit)
     runs = hypothesis().staged.runs
-    voltages = [each.record.voltage for each in runs]
-    _, unknown = _identified(IdentifiedFit(1e-4), runs, voltages, [False, False])
-    assert finished == [doubted]
-    assert all(unknown) == doubted
+    _identified(IdentifiedFit(1e-4), runs, [each.record.voltage for each in runs], past)
+    expected = [past[n] for part in (FIT, SELECTION) for n, run in enumerate(runs) if part in run.picks]
+    assert seen == expected
 
 
 def test_flexible_ceramic_goes_along_its_tangent() -> None:
