@@ -7,8 +7,8 @@ the table of effects. Then fifteen, of a last fit to both halves at three resolu
 lag (0.23 to 0.44 % of the span); what was kept is the rule that looks at none of them: what was chosen before, once
 more. Two tables since then, this is the last. So 0.30 % is not as clean as a first look would be.""",
     "afm": """two in this form: 0.223 %, then 0.236 % with the record in one piece, which is how it was taken; nothing
-was changed for it; then 0.223 % with the last fit, and again in this table. One in the session before, when the choice of the
-prior could still see the score part.""",
+was changed for it; then 0.223 % with the last fit, and again in this table. One in the session before, when the
+choice of the prior could still see the score part.""",
     "bender": """two in this form: 0.130 % with train and test as two records, whose start half a cycle cannot tell,
 then 0.070 % with the record in one piece, as it is, and 0.067 % with the last fit, and again in this table. One in
 the session before, as above.""",
