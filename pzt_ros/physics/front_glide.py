@@ -31,9 +31,9 @@ from pzt_ros.physics.front_kinetics import (
     rate_in,
     rates_at,
     row_of,
+    short_move,
     short_piece,
     slopes_at,
-    strode,
     unfolded,
 )
 from pzt_ros.physics.front_memory import (
@@ -162,9 +162,9 @@ def _march(fr, s, fronts, now, field, closing, time, voltage, trace):  # type: i
         if more > SMALL:
             break
         if more >= NO_ATTEMPTS:
-            ahead, change = strode(slopes, lead, more, fall, fall2)
+            ahead, change = short_move(slopes, lead, more, fall, fall2)
             u, lead = u + ahead, lead + change
-        if closing < u + max(slopes.reach, 1.0) + 1.0:
+        if closing < u + max(slopes.reach, 1.0):
             break
         now, field = time[j], y
         trace[j, Y], trace[j, U], trace[j, Z], trace[j, L], trace[j, Z_L] = y, u, lead, 2.0 * y - u, lead

@@ -227,8 +227,12 @@ def short_piece(p, z, climb, duration):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def strode(row, lead, more, fall, fall2):  # type: ignore[no-untyped-def]
-    """How far a front moves and how its lead changes by few attempts: relative to half, with minus their slopes."""
+def short_move(row, lead, more, fall, fall2):  # type: ignore[no-untyped-def]
+    """How far a front moves and how its lead changes [both d] by few attempts.
+
+    `more`, `fall` and `fall2`: attempts and minus their first and second slope at the front, as `short_piece` has them,
+    over the ln 2 that half of the domains need.
+    """
     r = (lead - row.begin) * PER_UNIT
     # attempts at u + y, in terms of those at u: 1 + more - first y + second y^2/2 - third y^3/6 = 1
     first = row.slope + r * row.slope_change + fall
@@ -272,7 +276,7 @@ def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
         return u, lead
     if more > SMALL:
         return _move_far(table, u, lead, start, end, duration, more, fall)
-    ahead, change = strode(slopes_at(table, lead), lead, more, fall, fall2)
+    ahead, change = short_move(slopes_at(table, lead), lead, more, fall, fall2)
     return u + ahead, lead + change
 
 

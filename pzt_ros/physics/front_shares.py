@@ -117,7 +117,7 @@ def _mean_of(f, u, l1, l2, v):  # type: ignore[no-untyped-def]
         s = u - i
         return _row(f, i, _weights(s, s * s, s * s * s), l1, l2, v)
     total = 0.0
-    for l, b in ((l1, v), (l2, 1.0 - v)):
+    for l, b in ((l1, v), (l2, 1.0 - v)):  # with one call in a loop the code stays small: faster than two calls
         total += b * _hard(f, u, l)
     return total
 

@@ -142,15 +142,12 @@ class IdentifiedFit:
         Raises:
             BenchError: nothing to fit, or a run that is not driven.
         """
-        return self.finished(self.chosen(runs, choosing), runs)
-
-    def chosen(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> Comparison:
-        """Only compare, on thinned runs; `fit` goes on from there."""
         _refuse_still(runs)
         with one_blas_thread():
-            return self._compared(runs, choosing)
+            return self._finished(self._compared(runs, choosing), runs)
 
     def _compared(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> Comparison:
+        """Resolutions, priors and laws, on thinned runs."""
         training = [_thinned(run) for run in runs]
         compared = len(self.resolutions) * len(self.rotations) * len(self.orders)
         if compared > 1 and not choosing and not any(run.chooses is not None for run in runs):
@@ -165,18 +162,17 @@ class IdentifiedFit:
         comparison.compare((other, best.rotation, best.order) for other in finer)
         return comparison
 
-    def finished(self, comparison: Comparison, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
+    def _finished(self, comparison: Comparison, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
         """The best of a comparison, fitted to all counted samples of the runs."""
         choice, problem, vector = comparison.best
         steps, lines = comparison.steps, self.fine_lines[0]
         lines = min(max(lines, math.ceil(problem.base.finest(vector))), self.fine_lines[1])
         stages = (([_thinned(run) for run in runs], "thinned runs", _MOST_STEPS), (runs, "all samples", _LAST_STEPS))
-        with one_blas_thread():
-            for counted, what, most_steps in stages:
-                former, problem = problem, self._problem(counted, choice, lines)
-                begin = problem.with_law_of(vector, former, vector)
-                solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}", most_steps)
-                steps, vector = steps + solution.steps, solution.vector
+        for counted, what, most_steps in stages:
+            former, problem = problem, self._problem(counted, choice, lines)
+            begin = problem.with_law_of(vector, former, vector)
+            solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}", most_steps)
+            steps, vector = steps + solution.steps, solution.vector
         choices = [choice, *(other for other, _, _ in comparison.found if other is not choice)]
         return IdentifiedResult(problem, vector, solution.residuals, choices, steps)
 
