@@ -178,7 +178,7 @@ def _report(
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
     blind = alike_by_design([run.record for run in runs])
-    tied = tuple(tuple(EFFECT_OF[name].reported for name in step.tied) for step in chosen.steps if step.tied)
+    tied = tuple(tuple(_reported(name) for name in step.tied) for step in chosen.steps if step.tied)
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
@@ -209,6 +209,11 @@ def _report(
         baselines=baselines(runs),
         command=command,
     )
+
+
+def _reported(name: str) -> str:
+    """Variants of an effect share a name; a shape of the base has its own."""
+    return EFFECT_OF[name].reported if name in EFFECT_OF else name
 
 
 def _last_fit(found: Hypothesis, density: str) -> Hypothesis:

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.staged import Progress, Staged
+from pzt_ros.diagnosis.strain_laws import coordinates_of
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
@@ -34,7 +34,6 @@ ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
 
 _REMEMBERED = 12  # polarizations at other voltages and vectors
-_TYPICAL_POLARIZATION = 0.25
 
 
 class FlexibleHysteresis(IdentifiedHysteresis):
@@ -140,12 +139,7 @@ def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progre
     linear, quadratic, cubic = (float(coefficient) for coefficient in (*found.law, 0.0)[1:4])
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
     placeholder = flexible.link(flexible.start)
-    size = max(abs(linear), abs(quadratic) * _TYPICAL_POLARIZATION, abs(cubic) * _TYPICAL_POLARIZATION**2)
-    coordinates = (
-        coordinate(law, "linear", typical=size),
-        coordinate(law, "quadratic", typical=size / _TYPICAL_POLARIZATION),
-        coordinate(law, "cubic", typical=size / _TYPICAL_POLARIZATION**2),
-    )[: found.problem.order]
+    coordinates = coordinates_of(law)[: found.problem.order]
     kept = tuple(each for each in declared.staged.coordinates if each.kind != Electrostriction.kind)
     replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
     staged = Staged(replaced, flexible, runs, (*coordinates, *kept))

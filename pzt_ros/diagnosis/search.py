@@ -11,8 +11,10 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
@@ -281,6 +283,8 @@ class Search:
         known = {winner.cause, *(EFFECT_OF[name].reported for name in alike)}
         groups = [each.effects for each in alike_by_design([run.record for run in winner.before.staged.runs])]
         alike += sorted({name for group in groups if winner.cause in group for name in group} - known)
+        if winner.cause == SensorNonlinearity.kind and self._is_law_as_good(winner):
+            alike.append(STRAIN_LAW)
         return (winner.name, *alike) if alike else ()
 
     def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:
@@ -293,6 +297,11 @@ class Search:
         if winner.before.selection.samples:
             decided = decided and _gain(other.after.selection, winner.after.selection) > self.thresholds.decisive
         return not (decided and self.at_floor(winner.after))
+
+    def _is_law_as_good(self, winner: Candidate) -> bool:
+        self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
+        law = with_free_law(winner.before)
+        return law is not None and law.total - winner.after.total <= self.thresholds.law_tie
 
     def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Two effects neither of which explains enough alone; empty where no two do."""

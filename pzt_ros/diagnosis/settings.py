@@ -35,6 +35,8 @@ class Thresholds:
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
+        law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
+            curve leaves to be as good.
         refits: candidates that are refitted at most.
         most_effects: that are added at most.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
@@ -67,6 +69,7 @@ class Thresholds:
     tie: float = 0.93
     alike_tie: float = 0.75
     decisive: float = 25.0
+    law_tie: float = 0.12
     refits: int = 4
     most_effects: int = 4
     flexible_share: float = 0.6
