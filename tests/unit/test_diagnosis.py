@@ -105,6 +105,10 @@ def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
         return np.interp(time - 3e-3, time, y)
     if effect == "mains_hum":
         return y + 25e-9 * np.sin(2.0 * np.pi * 50.0 * time + seed)
+    if effect == "cubic_strain_law":  # y goes with P^2, and P stays positive once poled
+        return y + 0.03 * np.sign(y) * np.abs(y) ** 1.5 / np.sqrt(np.max(y))
+    if effect == "waving_sensor":
+        return y + 60e-9 * np.sin(2.0 * np.pi * y / np.max(y))
     if effect == "backlash":  # not in the library
         return np.array(_backlash(y, 120e-9))
     return y
@@ -257,6 +261,16 @@ def test_a_name_that_the_drive_cannot_tell_from_another_is_a_tie() -> None:
     for staged, tied in ((wandering.staged, ()), (one_way, ("thermal_drift", "slow_relaxation"))):
         before = dataclasses.replace(wandering, staged=staged)
         assert Search()._tied(Candidate("thermal_drift", before, before), []) == tied
+
+
+@pytest.mark.parametrize(
+    ("effect", "tied"), [("cubic_strain_law", ("sensor_nonlinearity", "strain_law")), ("waving_sensor", ())]
+)
+def test_a_curve_that_a_strain_law_explains_as_well_is_a_tie(effect: str, tied: tuple[str, ...]) -> None:
+    """A court case: another strain law was named a curve of the sensor."""
+    step = Search(effects=(EFFECT_OF["sensor_nonlinearity"],)).step(hypothesis(effect))
+    assert [each.name for each in step.accepted] == ["sensor_nonlinearity"]
+    assert step.tied == tied
 
 
 def test_what_a_density_may_stand_in_for_is_said_where_the_design_hides_it() -> None:
