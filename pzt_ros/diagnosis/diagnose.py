@@ -37,7 +37,7 @@ from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.search import Candidate, Search, Step
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
-from pzt_ros.effects.table import EFFECT_OF
+from pzt_ros.effects.table import EFFECT_OF, reported
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thread, threads
 from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
@@ -178,7 +178,7 @@ def _report(
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
     blind = alike_by_design([run.record for run in runs])
-    tied = tuple(tuple(_reported(name) for name in step.tied) for step in chosen.steps if step.tied)
+    tied = tuple(tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied)
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
@@ -209,11 +209,6 @@ def _report(
         baselines=baselines(runs),
         command=command,
     )
-
-
-def _reported(name: str) -> str:
-    """Variants of an effect share a name; a shape of the base has its own."""
-    return EFFECT_OF[name].reported if name in EFFECT_OF else name
 
 
 def _last_fit(found: Hypothesis, density: str) -> Hypothesis:

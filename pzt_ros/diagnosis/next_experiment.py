@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pzt_ros.diagnosis.programme import Programme
-from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
+from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, reported
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record, write_table
@@ -272,7 +272,7 @@ DESIGNS: dict[frozenset[str], Design] = {
 
 def design_between(names: Sequence[str]) -> tuple[str, Design]:
     """In words and as a design, what tells the first of some effects from the next that a design is known for."""
-    causes = [EFFECT_OF[name].reported if name in EFFECT_OF else name for name in names]
+    causes = [reported(name) for name in names]
     for other in causes[1:]:
         pair = frozenset((causes[0], other))
         if pair in DESIGNS:

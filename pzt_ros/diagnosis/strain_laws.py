@@ -36,29 +36,30 @@ def coordinates_of(law: StrainLaw) -> tuple[Coordinate, Coordinate, Coordinate]:
 def with_free_law(found: Hypothesis) -> Hypothesis | None:
     """The hypothesis refitted with a strain law up to the third power; None where it has one, or no law at all."""
     staged = found.staged
-    declared = next((link for link in staged.chain_at(found.vector).links if _is_law(link)), None)
-    kinds = [each.kind for each in staged.coordinates]
-    if declared is None or kinds.count(STRAIN_LAW) == len(coordinates_of(StrainLaw())):
+    law = next((law for law in map(_as_powers, staged.chain_at(found.vector).links) if law is not None), None)
+    if law is None:
         return None
-    law = _as_powers(declared)
     powers = coordinates_of(law)
-    kept = [place for place, kind in enumerate(kinds) if kind != declared.kind]
+    names = {each.name for each in powers}
+    if names <= {each.name for each in staged.coordinates}:
+        return None
+    others = [
+        place
+        for place, each in enumerate(staged.coordinates)
+        if each.kind != Electrostriction.kind and each.name not in names
+    ]
     own = staged.ceramic.start.size
-    parts = (found.vector[:own], [each.scaled(each.start) for each in powers], found.vector[own:][kept])
+    start = (found.vector[:own], [each.scaled(each.start) for each in powers], found.vector[own:][others])
     freed = dataclasses.replace(
         staged,
-        chain=staged.chain.with_links(lambda link: law if _is_law(link) else link),
-        coordinates=(*powers, *(staged.coordinates[place] for place in kept)),
+        chain=staged.chain.with_links(lambda link: link if _as_powers(link) is None else law),
+        coordinates=(*powers, *(staged.coordinates[place] for place in others)),
     )
-    return exact(fitted(freed, np.concatenate(parts), found.effects, _STEPS))
+    return exact(fitted(freed, np.concatenate(start), found.effects, _STEPS))
 
 
-def _is_law(link: Link) -> bool:
-    return isinstance(link, Electrostriction | StrainLaw)
-
-
-def _as_powers(law: Link) -> StrainLaw:
-    if isinstance(law, Electrostriction):
-        return StrainLaw(linear=0.0, quadratic=law.coefficient * law.active_length, cubic=0.0)
-    assert isinstance(law, StrainLaw)
-    return law
+def _as_powers(link: Link) -> StrainLaw | None:
+    """A link as a strain law with coefficients of powers of P; None where it is none."""
+    if isinstance(link, Electrostriction):
+        return StrainLaw(quadratic=link.coefficient * link.active_length)
+    return link if isinstance(link, StrainLaw) else None

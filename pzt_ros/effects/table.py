@@ -38,7 +38,7 @@ def _grid(**values: tuple[float, ...]) -> tuple[dict[str, float], ...]:
     return tuple(dict(zip(values, row, strict=True)) for row in itertools.product(*values.values()))
 
 
-__all__ = ["CONFOUNDED", "EFFECTS", "EFFECT_OF"]
+__all__ = ["CONFOUNDED", "EFFECTS", "EFFECT_OF", "reported"]
 
 EFFECTS: tuple[Effect, ...] = (
     Effect(
@@ -202,3 +202,8 @@ EFFECTS: tuple[Effect, ...] = (
 """In the order of the signal; several at one place stand in this order."""
 
 EFFECT_OF: dict[str, Effect] = {effect.name: effect for effect in EFFECTS}
+
+
+def reported(name: str) -> str:
+    """As which a name is reported: variants of an effect share one, a shape of the base model has its own."""
+    return EFFECT_OF[name].reported if name in EFFECT_OF else name

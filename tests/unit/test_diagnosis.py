@@ -21,7 +21,7 @@ from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
 from pzt_ros.diagnosis.flexible import FlexibleHysteresis, _identified
 from pzt_ros.diagnosis.floor import displacement_floors
-from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.remains import remains_of
@@ -29,11 +29,13 @@ from pzt_ros.diagnosis.screen import Screen
 from pzt_ros.diagnosis.search import Candidate, Search, Step
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
+from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record
 from pzt_ros.sysid.identified_fit import IdentifiedFit
@@ -271,6 +273,22 @@ def test_a_curve_that_a_strain_law_explains_as_well_is_a_tie(effect: str, tied: 
     step = Search(effects=(EFFECT_OF["sensor_nonlinearity"],)).step(hypothesis(effect))
     assert [each.name for each in step.accepted] == ["sensor_nonlinearity"]
     assert step.tied == tied
+
+
+def test_a_freed_strain_law_keeps_what_else_is_sought() -> None:
+    base = hypothesis()
+    law = StrainLaw()
+    staged = dataclasses.replace(
+        base.staged,
+        chain=base.staged.chain.with_links(lambda link: law if isinstance(link, Electrostriction) else link),
+        coordinates=(coordinate(law, "quadratic"), coordinate(law, "field", typical=1e-7)),
+    )
+    freed = with_free_law(fitted(staged, staged.start, most_steps=3))
+    assert freed is not None
+    fields = [each.field for each in freed.staged.coordinates]
+    assert fields == ["linear", "quadratic", "cubic", "field"]
+    assert freed.fit.ratio < 1.1
+    assert with_free_law(freed) is None
 
 
 def test_what_a_density_may_stand_in_for_is_said_where_the_design_hides_it() -> None:
