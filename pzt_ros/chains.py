@@ -19,6 +19,7 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.parametrized import Parametrized
 from pzt_ros.physics.parametrized_single import ParametrizedSingle
+from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.quadrature import Quadrature
 from pzt_ros.physics.sensor import DisplacementSensor
 from pzt_ros.physics.strain import Electrostriction
@@ -28,8 +29,8 @@ from pzt_ros.physics.structure import Structure
 from pzt_ros.quantities import build, choices_of, forms_of, parameters_of, table_to_data, tables_of, to_text
 
 _ALWAYS: tuple[type[Link], ...] = (
-    Amplifier, Parametrized, ParametrizedSingle, Quadrature, Lattice, Front, IdentifiedLattice, Electrostriction,
-    StrainHysteresis, StrainLaw, Structure, DisplacementSensor,
+    Amplifier, Parametrized, ParametrizedSingle, Quadrature, Lattice, Front, IdentifiedLattice, Preisach,
+    Electrostriction, StrainHysteresis, StrainLaw, Structure, DisplacementSensor,
 )  # fmt: skip
 
 LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *(effect.link for effect in EFFECTS))}

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from pzt_benchmarks.measured.sets import CERAMIC, HOLD
-from pzt_ros.physics.identified_hats import node_count
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
-from pzt_ros.sysid.identified import WEIGHTS
 from pzt_ros.sysid.identified_fit import IdentifiedFit, IdentifiedResult
 from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.run import rms
@@ -126,8 +124,7 @@ def after(found: IdentifiedResult, before: Record, record: Record) -> Array:
     time, voltage = np.concatenate((before.time, late)), np.concatenate((before.voltage, record.voltage))
     base = found.problem.base.for_runs([time], [True])
     vector = base.start.copy()
-    shared = WEIGHTS + node_count(base.grid.size)
-    vector[:shared] = found.vector[:shared]
+    vector[: base.shared] = found.vector[: base.shared]
     return np.asarray(base.polarization(vector, [voltage])[0][-len(record) :])
 
 

@@ -18,7 +18,7 @@ from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all
-from pzt_ros.diagnosis.flexible import fit_flexible
+from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for
@@ -114,13 +114,13 @@ def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     branch = Branch("gaussian", declared, tuple(steps))
     if search.explains(steps, declared):
         return [branch]
-    other = _on_flexible(declared, asked, progress, workers)
-    if search.explains(other.steps, other.base) or search.is_outdone(steps, other.base):
-        return [branch, other]
+    others = _on_others(declared, asked, progress, workers)
+    if any(search.explains(other.steps, other.base) or search.is_outdone(steps, other.base) for other in others):
+        return [branch, *others]
     steps = search.continued([step for step in steps if step.accepted] or steps, declared)
-    if other.steps:
+    if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
-    return [dataclasses.replace(branch, steps=tuple(steps)), other]
+    return [dataclasses.replace(branch, steps=tuple(steps)), *others]
 
 
 def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
@@ -131,16 +131,31 @@ def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
     yield fitted(declared.staged, declared.staged.start, most_steps=0)
 
 
-def _on_flexible(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:
-    """The flexible base and the search on it, if it leaves anything."""
+def _on_others(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+    """The identified bases that are worth it, with the search on each that leaves something.
+
+    Relays that know no rate need no lattice beside them where they explain all. Where they leave hardly more than a
+    lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
+    """
+    search = Search(asked.on_flexible(), progress=progress, workers=workers)
+    unhurried = fit_rate_independent(declared, progress)
+    if unhurried is not None and search.at_floor(unhurried):
+        return [Branch("identified", unhurried, ())]
     runs = declared.staged.runs
     unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
     flexible = fit_flexible(declared, unknown, progress)
     if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
-        return Branch("identified", flexible, ())
-    search = Search(asked.on_flexible(), progress=progress, workers=workers)
-    steps = search.with_pair(search.run(flexible), flexible)
-    return Branch("identified", flexible, tuple(steps))
+        return [Branch("identified", flexible, ())]
+    bases = [flexible]
+    if unhurried is not None and unhurried.total < asked.rateless * flexible.total:
+        bases.insert(0, unhurried)
+    found: list[Branch] = []
+    for base in bases:
+        steps = search.with_pair(search.run(base), base)
+        found.append(Branch("identified", base, tuple(steps)))
+        if search.explains(steps, base):
+            break
+    return found
 
 
 def _trusted(branch: Branch, asked: Thresholds) -> Branch:

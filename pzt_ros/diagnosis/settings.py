@@ -31,6 +31,7 @@ class Thresholds:
         reachable: the same up to which further effects are looked for beside one that was found.
         trial_promise: as `further_promise` until another base was tried.
         outdone: share of the excess that another base may leave at most for the search on this one to end.
+        rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
@@ -66,6 +67,7 @@ class Thresholds:
     reachable: float = 12.0
     trial_promise: float = 0.5
     outdone: float = 0.25
+    rateless: float = 1.5
     tie: float = 0.93
     alike_tie: float = 0.75
     decisive: float = 25.0

@@ -91,9 +91,13 @@ class Switching(Ferroelectric):
     def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
         polarization, phase_fraction = np.empty(time.size), np.empty(time.size)
         bad = self._kernel.run(state, self._numbers, time, voltage, polarization, phase_fraction)
+        self._refuse(bad, time, voltage)
+        return polarization, phase_fraction
+
+    def _refuse(self, bad: int, time: Array, voltage: Array) -> None:
+        """Name the sample that a loop could not use, if there was one."""
         if bad >= 0:
             raise BenchError(
                 f"{self.kind}: sample {bad} ({time[bad]:.9g} s, {voltage[bad]:.6g} V) is not finite, beyond"
                 " 1 GV/m, or not after the one before; drop or sort it"
             )
-        return polarization, phase_fraction

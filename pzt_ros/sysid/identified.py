@@ -18,7 +18,7 @@ import numpy as np
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import own_threads, threads
 from pzt_ros.physics import identified_lattice_kernel as kernel
-from pzt_ros.physics.identified_hats import hat_sums, hats_of, node_count, nodes_of
+from pzt_ros.physics.identified_hats import accumulate, hat_sums, hats_of, node_count, nodes_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import ABSENT, Array, Rest
 
@@ -139,10 +139,25 @@ class IdentifiedHysteresis:
         other = copy.copy(self)
         other.times, other.unknown_start = list(times), list(unknown_start)
         other._describe(*self.field_range)
-        shared = WEIGHTS + node_count(self.grid.size)
+        shared = self.shared
         for name in ("start", "lower", "upper"):
             getattr(other, name)[:shared] = getattr(self, name)[:shared]
         return other
+
+    @property
+    def shared(self) -> int:
+        """How many coordinates belong to all runs."""
+        return WEIGHTS + node_count(self.grid.size)
+
+    def carried(self, former: IdentifiedHysteresis, vector: Array) -> Array:
+        """The vector of another resolution over the same range and the same runs."""
+        if former.grid.size == self.grid.size:
+            return vector
+        link = former.link(vector)
+        weights = np.empty(node_count(self.grid.size))
+        hats = hats_of(link.lines, self.grid)
+        accumulate(link.relays.weight, hats, np.zeros((hats.size, 2, (link.lines.size + 1) // 2)), weights)
+        return np.concatenate((vector[:WEIGHTS], weights, vector[former.shared :]))
 
     def link(self, vector: Array) -> IdentifiedLattice:
         """The lattice of a vector."""
@@ -164,7 +179,7 @@ class IdentifiedHysteresis:
 
     def weights(self, vector: Array) -> Array:
         """Polarization of each hat [C/m^2]."""
-        return np.maximum(vector[WEIGHTS : WEIGHTS + node_count(self.grid.size)], 0.0)
+        return np.maximum(vector[WEIGHTS : self.shared], 0.0)
 
     def occupancy(self, vector: Array, run: int) -> Array:
         """x+ at the start of a run, for Rest [-]; absent where the start is known."""
@@ -174,12 +189,12 @@ class IdentifiedHysteresis:
     @property
     def occupancies(self) -> slice:
         """Where the occupancies of all runs stand in the vector."""
-        return slice(WEIGHTS + node_count(self.grid.size), len(self.names))
+        return slice(self.shared, len(self.names))
 
     def _places(self, run: int) -> slice:
         """Where the occupancy of a run stands in the vector."""
         size = node_count(self.occupancy_size)
-        begin = WEIGHTS + node_count(self.grid.size) + size * sum(self.unknown_start[:run])
+        begin = self.shared + size * sum(self.unknown_start[:run])
         return slice(begin, begin + size * int(self.unknown_start[run]))
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:

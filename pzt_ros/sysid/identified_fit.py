@@ -17,12 +17,11 @@ import numpy as np
 
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import one_blas_thread
-from pzt_ros.physics.identified_hats import accumulate, hats_of, node_count
-from pzt_ros.physics.identified_lattice import IdentifiedLattice
+from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.gauss_newton import Solution, solve
-from pzt_ros.sysid.identified import WEIGHTS, IdentifiedHysteresis
-from pzt_ros.sysid.identified_problem import IdentifiedProblem, MeasuredRun, rms_of
+from pzt_ros.sysid.identified import IdentifiedHysteresis
+from pzt_ros.sysid.identified_problem import IdentifiedBase, IdentifiedProblem, MeasuredRun, rms_of
 from pzt_ros.sysid.thinning import kept_samples
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
@@ -69,7 +68,7 @@ class IdentifiedResult:
     steps: int
 
     @property
-    def link(self) -> IdentifiedLattice:
+    def link(self) -> Ferroelectric:
         """Voltage at the ceramic to polarization."""
         return self.problem.base.link(self.vector)
 
@@ -111,6 +110,7 @@ class IdentifiedFit:
         held_out: share of each run, at its end, that chooses where no other runs do.
         fine_lines: of the fine lattice during the search, and at most at the end.
         voltage_range: that the density has to cover [V]; None: what the runs reach.
+        base: what is identified, the lattice or another.
         progress: is told what is being done and the residual over noise.
     """
 
@@ -125,6 +125,7 @@ class IdentifiedFit:
     held_out: float = 0.25
     fine_lines: tuple[int, int] = (100, 200)
     voltage_range: tuple[float, float] | None = None
+    base: Callable[..., IdentifiedBase] = IdentifiedHysteresis
     progress: Callable[[str, float], None] = lambda what, error: None
 
     def only(self, choice: Choice) -> IdentifiedFit:
@@ -145,6 +146,17 @@ class IdentifiedFit:
         _refuse_still(runs)
         with one_blas_thread():
             return self._finished(self._compared(runs, choosing), runs)
+
+    def tried(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> float:
+        """Residual over noise of the first resolution, prior and law, on thinned runs: enough to compare two fits.
+
+        Raises:
+            BenchError: as `fit`.
+        """
+        _refuse_still(runs)
+        first = replace(self, resolutions=self.resolutions[:1], rotations=self.rotations[:1], orders=self.orders[:1])
+        with one_blas_thread():
+            return first._compared(runs, choosing).best[0].both
 
     def _compared(self, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun]) -> Comparison:
         """Resolutions, priors and laws, on thinned runs."""
@@ -208,7 +220,7 @@ class IdentifiedFit:
         voltages = [run.voltage for run in runs]
         reached = (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
         low, high = self.voltage_range or reached
-        base = IdentifiedHysteresis(
+        base = self.base(
             [run.time for run in runs],
             self.layer_thickness,
             (low / self.layer_thickness, high / self.layer_thickness),
@@ -294,7 +306,7 @@ def _settled(
     other = IdentifiedProblem(base, [run], order=problem.order, lag=problem.lag is not None, drift=problem.per_run > 1)
     other.known_centring = _centring(problem, vector)
     start = other.start.copy()
-    shared = WEIGHTS + node_count(base.grid.size)
+    shared = base.shared
     start[:shared] = vector[:shared]
     start[other.law] = vector[problem.law]
     start[other.offsets] = float(np.mean(run.measured[run.counted]))
@@ -332,12 +344,6 @@ def _thinned(run: MeasuredRun) -> MeasuredRun:
 
 def _carried(former: IdentifiedProblem, problem: IdentifiedProblem, vector: Array) -> Array:
     """The vector of a former problem for one with another grid over the same range, or another law."""
-    if former.base.grid.size == problem.base.grid.size:
-        return vector if former.order == problem.order else problem.with_law_of(vector, former, vector)
-    link = former.base.link(vector)
-    weights = np.empty(node_count(problem.base.grid.size))
-    hats = hats_of(link.lines, problem.base.grid)
-    accumulate(link.relays.weight, hats, np.zeros((hats.size, 2, (link.lines.size + 1) // 2)), weights)
-    behind = WEIGHTS + node_count(former.base.grid.size)
-    finer = np.concatenate((vector[:WEIGHTS], weights, vector[behind:]))
-    return problem.with_law_of(finer, former, vector)
+    if former.base.shared == problem.base.shared and former.order == problem.order:
+        return vector
+    return problem.with_law_of(problem.base.carried(former.base, vector), former, vector)

@@ -1,4 +1,4 @@
-"""Measured runs against the identified lattice with a strain law behind it: the problem that IdentifiedFit solves.
+"""Measured runs against an identified density with a strain law behind it: the problem that IdentifiedFit solves.
 
 Domains that never switch shift the polarization, and its scale can be had in the law as well. A polynomial takes up
 both, but along a bent path that costs a search a hundred steps. So the law is one of the centred polarization, which
@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array
-from pzt_ros.sysid.identified import IdentifiedHysteresis
 
 _LAG_STEP = 0.01  # of a sample: difference step
 
@@ -47,10 +47,66 @@ class MeasuredRun:
         return replace(self, counted=counted)
 
 
+class IdentifiedBase(Protocol):
+    """Voltage at the ceramic to polarization for several runs at once, with a density that is sought.
+
+    Attributes:
+        names, start, lower, upper: of the coordinates: those of all runs, then the starts that are not known.
+        unknown_start: of each run.
+        rotation_strength, smoothness_strength: as IdentifiedHysteresis.
+    """
+
+    names: list[str]
+    start: Array
+    lower: Array
+    upper: Array
+    unknown_start: list[bool]
+    rotation_strength: float
+    smoothness_strength: float
+
+    @property
+    def shared(self) -> int:
+        """How many coordinates belong to all runs."""
+        ...
+
+    @property
+    def occupancies(self) -> slice:
+        """Where the starts that are not known stand in the vector."""
+        ...
+
+    def finest(self, vector: Array) -> float:
+        """Lines of a fine lattice that a vector asks for."""
+        ...
+
+    def for_runs(self, times: Sequence[Array], unknown_start: Sequence[bool]) -> IdentifiedBase:
+        """The same coordinates, bounds and strengths for other runs."""
+        ...
+
+    def carried(self, former: Any, vector: Array) -> Array:
+        """The vector of another resolution of the same kind, over the same range and the same runs."""
+        ...
+
+    def link(self, vector: Array) -> Ferroelectric:
+        """The density of a vector."""
+        ...
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run whose voltage is given [C/m^2, each shape (n,)]."""
+        ...
+
+    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Any]]:
+        """The same, and dP/dvector [each shape (n, p), float32]."""
+        ...
+
+    def regularisation(self) -> tuple[Array, Array]:
+        """Rows and targets of what is believed before the data, in units of the noise."""
+        ...
+
+
 class IdentifiedProblem:
     """Residuals (model - measured)/noise at the counted samples, for gauss_newton.solve.
 
-    The vector is that of IdentifiedHysteresis, then the coefficients of the law y = y0 + s1 q + s2 q^2 + ... of the
+    The vector is that of the base, then the coefficients of the law y = y0 + s1 q + s2 q^2 + ... of the
     centred polarization q, then a sensor lag where wanted, then of each run its offset y0 and drift.
 
     Attributes:
@@ -59,7 +115,7 @@ class IdentifiedProblem:
     """
 
     def __init__(
-        self, base: IdentifiedHysteresis, runs: Sequence[MeasuredRun], *, order: int, lag: bool, drift: bool
+        self, base: IdentifiedBase, runs: Sequence[MeasuredRun], *, order: int, lag: bool, drift: bool
     ) -> None:
         """
         Args:
@@ -210,7 +266,7 @@ class IdentifiedProblem:
         return carried
 
     def prior(self) -> tuple[Array, Array]:
-        """Rows and targets of IdentifiedHysteresis.regularisation over the whole vector."""
+        """Rows and targets of the base's regularisation over the whole vector."""
         rows, targets = self.base.regularisation()
         return np.hstack([rows, np.zeros((rows.shape[0], len(self.names) - rows.shape[1]))]), targets
 

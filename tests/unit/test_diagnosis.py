@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,8 @@ from pzt_ros.diagnosis import Report, diagnose
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
-from pzt_ros.diagnosis.flexible import FlexibleHysteresis, _identified
+from pzt_ros.diagnosis.flexible import _parts
+from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
@@ -38,8 +38,6 @@ from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record
-from pzt_ros.sysid.identified_fit import IdentifiedFit
-from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.predict import predict
 
 NOISE = 8e-9
@@ -312,16 +310,11 @@ def test_page_tells_what_a_density_may_stand_in_for(null: Report, tmp_path: Path
 
 
 @pytest.mark.parametrize("past", [[False, False], [True, False]])
-def test_starts_are_free_only_where_a_run_has_a_past(past: list[bool], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_starts_are_free_only_where_a_run_has_a_past(past: list[bool]) -> None:
     """Court cases: free starts hid what was missing, and runs from rest were predicted 0.2 to 8 um off."""
-    seen: list[bool] = []
-
-    def fit(self: IdentifiedFit, runs: Sequence[MeasuredRun], choosing: Sequence[MeasuredRun] = ()) -> None:
-        seen.extend(run.unknown_start for run in (*runs, *choosing))
-
-    monkeypatch.setattr(IdentifiedFit, "fit", fit)
     runs = hypothesis().staged.runs
-    _identified(IdentifiedFit(1e-4), runs, [each.record.voltage for each in runs], past)
+    parts = _parts(runs, [each.record.voltage for each in runs], past)
+    seen = [run.unknown_start for part in parts for run in part]
     expected = [past[n] for part in (FIT, SELECTION) for n, run in enumerate(runs) if part in run.picks]
     assert seen == expected
 

@@ -1,0 +1,85 @@
+"""The identified lattice as the ceramic among other links, with a tangent that refits go along."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pzt_ros.diagnosis.remembered import Remembered
+from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.identified import IdentifiedHysteresis
+from pzt_ros.sysid.run import Start
+
+_REMEMBERED = 12  # polarizations at other voltages and vectors
+
+
+class FlexibleHysteresis(IdentifiedHysteresis):
+    """The identified lattice as a `staged.Hysteresis`.
+
+    Polarization is linear in the weights and the occupancies, and bends little with the logarithms of relaxation time
+    and thermal field. So once `exact_at` has taken the tangent somewhere, a copy goes along it: refits with effects
+    behind the ceramic then cost no pass over the lattice, those with effects before it one for each new voltage.
+    """
+
+    far = math.inf  # how far the tangent is off depends on how far the search went
+
+    _at: tuple[Array, list[Array], list[Array], list[Array]] | None = None
+    """Where the tangent was taken: vector, voltages, polarizations, columns of every run."""
+
+    def for_one_search(self) -> FlexibleHysteresis:
+        """Itself: it remembers nothing that another search would not find."""
+        return self
+
+    def exact_at(self, vector: Array, voltages: Sequence[Array]) -> FlexibleHysteresis:
+        """A copy that goes along the tangent taken here."""
+        found = copy.copy(self)
+        polarizations, columns = IdentifiedHysteresis.tangent(self, vector, voltages)
+        found._at = (vector.copy(), list(voltages), polarizations, columns)
+        found._known = Remembered(_REMEMBERED)
+        return found
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run whose voltage is given [C/m^2]."""
+        if self._at is None:
+            return super().polarization(vector, voltages)
+        asked = [number for number, voltage in enumerate(voltages) if voltage.size]
+        return [self._here(number, voltages[number]) + self._moved(number, vector) for number in asked]
+
+    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Any]]:
+        """P of each run whose voltage is given and how it changes with every unknown."""
+        if self._at is None:
+            return super().tangent(vector, voltages)
+        columns = [self._at[3][number] for number, voltage in enumerate(voltages) if voltage.size]
+        return self.polarization(vector, voltages), columns
+
+    def _moved(self, number: int, vector: Array) -> Array:
+        """How P of a run changes on the way to a vector; in float32, as the tangent: 1e-7 of a small step."""
+        assert self._at is not None
+        at, columns = self._at[0], self._at[3][number]
+        key = b"moved %d " % number + vector.tobytes()
+        return self._known.get(key, lambda: (columns @ (vector - at).astype(columns.dtype)).astype(float))
+
+    def _here(self, number: int, voltage: Array) -> Array:
+        """P of a run where the tangent was taken, at a voltage that may be another."""
+        assert self._at is not None
+        vector, voltages, polarizations, _ = self._at
+        if voltage is voltages[number] or np.array_equal(voltage, voltages[number]):
+            return polarizations[number]
+        alone = [voltage if other == number else np.empty(0) for other in range(len(voltages))]
+        key = b"%d " % number + voltage.tobytes()  # two runs may have one drive and other starts
+        return self._known.get(key, lambda: IdentifiedHysteresis.polarization(self, vector, alone)[0])
+
+    _known: Remembered[Array]
+
+    def start_of(self, vector: Array, number: int) -> Start:
+        """The occupancy that was fitted, or its own initial state."""
+        return Start(occupancy=tuple(float(share) for share in self.occupancy(vector, number)))
+
+    def places_of(self, number: int) -> list[int]:
+        """The occupancy at the start of a run belongs to it alone."""
+        place = self._places(number)
+        return list(range(place.start, place.stop))

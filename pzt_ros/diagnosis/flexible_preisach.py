@@ -1,0 +1,61 @@
+"""The Preisach model as the ceramic among other links: exact everywhere, so that refits are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pzt_ros.diagnosis.remembered import Remembered
+from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
+from pzt_ros.sysid.run import Start
+
+_REMEMBERED = 24  # polarizations of a run at some voltage and vector
+
+
+class FlexiblePreisach(RateIndependentHysteresis):
+    """The rate-independent density as a `staged.Hysteresis`."""
+
+    far = math.inf  # no misfit is so large that being exact does not count
+
+    def __init__(
+        self,
+        times: Sequence[Array],
+        layer_thickness: float,
+        field_range: tuple[float, float],
+        *,
+        resolution: int,
+        initial: str,
+    ) -> None:
+        """As RateIndependentHysteresis, of runs that all begin in the state `initial`."""
+        known = [False] * len(times)
+        super().__init__(
+            times, layer_thickness, field_range, unknown_start=known, resolution=resolution, initial=initial
+        )
+        self._known: Remembered[Array] = Remembered(_REMEMBERED)
+
+    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
+        """P of each run whose voltage is given [C/m^2]; effects behind the ceramic ask for the same again and again."""
+        asked = [number for number, voltage in enumerate(voltages) if voltage.size]
+        return [self._polarization_of(number, vector, voltages[number]) for number in asked]
+
+    def _polarization_of(self, number: int, vector: Array, voltage: Array) -> Array:
+        key = b"%d " % number + vector.tobytes() + voltage.tobytes()
+        alone = [voltage if other == number else voltage[:0] for other in range(len(self.times))]
+        return self._known.get(key, lambda: RateIndependentHysteresis.polarization(self, vector, alone)[0])
+
+    def for_one_search(self) -> FlexiblePreisach:
+        """Itself: what it is asked changes nothing."""
+        return self
+
+    def exact_at(self, vector: Array, voltages: Sequence[Array]) -> FlexiblePreisach:
+        """Itself: it is exact everywhere."""
+        return self
+
+    def start_of(self, vector: Array, number: int) -> Start:
+        """How a run starts: in the initial state."""
+        return Start()
+
+    def places_of(self, number: int) -> list[int]:
+        """Unknowns that belong to one run alone: none."""
+        return []
