@@ -67,7 +67,7 @@ class Thresholds:
     reachable: float = 12.0
     trial_promise: float = 0.5
     outdone: float = 0.25
-    rateless: float = 1.5
+    rateless: float = 3.0
     tie: float = 0.93
     alike_tie: float = 0.75
     decisive: float = 25.0

@@ -76,6 +76,7 @@ class RateIndependentHysteresis:
         self.interaction = np.linspace(low, high, resolution + 1)
         reach = np.abs(self.interaction - 0.5 * (low + high))[None, :] + self.coercive[:, None]
         self.moved = reach <= 0.5 * (high - low) + 1e-6 * span  # hats farther out are hardly moved
+        self._inside = reach[self.moved] <= 0.5 * span
         self.weight_strength, self.smoothness_strength, self.rotation_strength = 0.1, 3.0, 0.0
         self.sum_strength = 1e3
         even = np.ones(self.moved.shape)
@@ -177,13 +178,13 @@ class RateIndependentHysteresis:
         relative = 1.0 / self._even[self.moved]
         size = relative.size
         rows = [self.weight_strength * np.eye(size) * relative]
-        rows.append(np.full((1, size), self.sum_strength / self.total))
+        rows.append(self.sum_strength / self.total * self._inside[None, :])  # what never switches sets no scale
         rows.append(self.smoothness_strength * self._differences(2, (0, 1)) * relative)
         if self.rotation_strength > 0.0:
             rows.append(self.rotation_strength * self._differences(1, (1,)) * relative)
         among = np.vstack(rows)
         targets = np.zeros(len(among))
-        targets[size] = self.sum_strength
+        targets[size] = self.sum_strength / self.total * float(self._even[self.moved] @ self._inside)
         return np.hstack((np.zeros((len(among), WEIGHTS)), among)), targets
 
     def _differences(self, order: int, axes: Sequence[int]) -> Array:
