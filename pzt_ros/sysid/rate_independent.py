@@ -177,8 +177,8 @@ class RateIndependentHysteresis:
         """Rows [shape (m, p)] and targets [shape (m,)] of what is believed before the data, in units of the noise."""
         relative = 1.0 / self._even[self.moved]
         size = relative.size
-        rows = [self.weight_strength * np.eye(size) * relative]
-        rows.append(self.sum_strength / self.total * self._inside[None, :])  # what never switches sets no scale
+        rows: list[Array] = [self.weight_strength * np.eye(size) * relative]
+        rows.append(np.where(self._inside, self.sum_strength / self.total, 0.0)[None, :])  # others set no scale
         rows.append(self.smoothness_strength * self._differences(2, (0, 1)) * relative)
         if self.rotation_strength > 0.0:
             rows.append(self.rotation_strength * self._differences(1, (1,)) * relative)
