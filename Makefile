@@ -36,10 +36,11 @@ $(VENV)/.installed: $(VENV)/.packages
 demo: install
 	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
 
-# Where no result depends on time, two run at once; graphs that keep time, and the browser, have the machine to themselves.
+# Where no result depends on time, three run at once (half of a graph's time is waiting); graphs that keep time, and the
+# browser, have the machine to themselves.
 test: $(VENV)/.packages
 	$(MAKE) --jobs 2 install lint
-	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
+	$(CLEAN) $(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
 	$(CLEAN) $(BIN)/pytest --durations 15 tests/graph tests/browser
 
 lint: $(VENV)/.packages

@@ -1,4 +1,4 @@
-"""The same graph with other instruments: a recorded run, and a piezo controller on a real socket."""
+"""The same graph with other instruments: a piezo controller on a real socket, and what they do to the stage in time."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from driver_graph import DriverGraph, recorded
 from foreign_node import ForeignNode
 from gcs_server import SILENT, GcsServer
-from graph_process import GraphProcess, alive, wait_until
+from graph_process import alive
 from operating import Operator, trajectory
 from scenarios import SHORT, write
 
 from pzt_ros.bags.reader import open_bag
-from pzt_ros.loop import Tick, run_in_process
 from pzt_ros.records import Record, write_csv
-from pzt_ros.scenario import load_scenario
 
 SLOW = """
 scenario: slow
@@ -29,80 +28,6 @@ phases:
   - {phase: voltage, to: 100 V, duration: HOLD}
   - {phase: voltage, to: 0 V, duration: 1 s}
 """
-
-
-class DriverGraph(GraphProcess):
-    """A graph whose drivers are named in a file."""
-
-    def __init__(self, scenario: Path, drivers: str, folder: Path, *options: str) -> None:
-        chosen = scenario.with_name("drivers.yaml")
-        chosen.write_text(drivers, encoding="utf-8")
-        super().__init__(scenario, folder, "--drivers", str(chosen), *options)
-
-    def log(self, node: str) -> str:
-        path = self.folder / "log" / f"{node}.log"
-        return path.read_text(encoding="utf-8") if path.exists() else ""
-
-    def wait_for_log(self, node: str, *words: str) -> None:
-        self.wait_while_running(
-            lambda: all(word in self.log(node) for word in words), f"'{words}' in the log of {node}"
-        )
-
-    def wait_while_running(self, happened: Callable[[], bool], what: str) -> None:
-        def happened_while_running() -> bool:
-            assert self.process.poll() is None, self.wait()
-            return happened()
-
-        wait_until(happened_while_running, what)
-
-
-def recorded(scenario: Path) -> Record:
-    """A run of the scenario, simulated in this process, and what its instruments said."""
-    columns: dict[str, list[np.ndarray]] = {"time_s": [], "voltage_V": [], "displacement_m": [], "current_A": []}
-
-    def watch(tick: Tick) -> None:
-        for name, values in zip(
-            columns, (tick.applied.time, tick.applied.voltage, tick.measurement, tick.applied.current), strict=True
-        ):
-            columns[name].append(values)
-
-    run_in_process(load_scenario(scenario), watch)
-    return Record("simulated", {name: np.concatenate(blocks) for name, blocks in columns.items()})
-
-
-def test_a_recorded_run_is_played_as_if_it_were_the_instrument(tmp_path: Path) -> None:
-    scenario = write(tmp_path, SHORT)
-    record = recorded(scenario)
-    write_csv(record.between(0.0, 1.0), tmp_path / "run.csv")
-    driver = f"{{driver: replay, record: {tmp_path / 'run.csv'}}}"
-    with DriverGraph(scenario, f"amplifier: {driver}\nsensor: {driver}\n", tmp_path / "run") as graph:
-        code, said = graph.wait()
-        assert code == 0, said
-    status = graph.run_json()
-    assert status["simulated"] is False
-    assert status["drivers"] == {"amplifier": "replay", "sensor": "replay"}
-    assert not (tmp_path / "run" / "log" / "plant.log").exists()
-    assert "is over after 1 s: holding its last sample" in graph.log("amplifier")
-    assert "is over after 1 s: holding its last sample" in graph.log("sensor")
-    bag = open_bag(tmp_path / "run" / "bag")
-    applied, measured = bag.blocks("/stage/applied"), bag.blocks("/stage/measurement")
-    count = 20_001  # samples of the record; then it holds
-    np.testing.assert_array_equal(applied["voltage_V"][:count], record.voltage[:count])
-    np.testing.assert_array_equal(applied["current_A"][:count], record["current_A"][:count])
-    np.testing.assert_array_equal(measured["displacement_m"][:count], record.displacement[:count])
-    assert set(measured["displacement_m"][count:]) == {record.displacement[count - 1]}
-    assert len(bag.blocks("/stage/estimate")) == len(applied)
-
-
-def test_a_record_of_another_rate_is_refused_in_one_line(tmp_path: Path) -> None:
-    time = np.arange(100) / 1e3
-    write_csv(Record("run", dict.fromkeys(("time_s", "voltage_V", "displacement_m"), time)), tmp_path / "run.csv")
-    driver = f"{{driver: replay, record: {tmp_path / 'run.csv'}}}"
-    with DriverGraph(write(tmp_path, SHORT), f"amplifier: {driver}\nsensor: {driver}\n", tmp_path / "run") as graph:
-        code, said = graph.wait()
-    assert code == 2, said
-    assert "sampled at 1000 Hz" in said
-    assert "Traceback" not in said
 
 
 def test_a_stage_that_gets_too_hot_is_brought_to_safety(tmp_path: Path) -> None:
@@ -219,25 +144,6 @@ def test_a_stack_found_charged_is_held_and_driven_by_hand_without_a_jump(tmp_pat
     assert history[-1] == 0.0
     assert 35.0 < history.max() < 60.0
     assert np.max(np.abs(np.diff(history))) <= 400.0 / 200.0 + 1e-5, "no step is larger than the ramp's"
-
-
-def test_replay_in_one_process_says_the_same_as_in_several(tmp_path: Path) -> None:
-    scenario = write(tmp_path, SHORT)
-    record = recorded(scenario)
-    write_csv(record, tmp_path / "run.csv")
-    driver = f"{{driver: replay, record: {tmp_path / 'run.csv'}}}"
-    found = []
-    for name, options in (("separate", ()), ("composed", ("--composed",))):
-        with DriverGraph(scenario, f"amplifier: {driver}\nsensor: {driver}\n", tmp_path / name, *options) as graph:
-            code, said = graph.wait()
-            assert code == 0, said
-        assert "plant" not in graph.run_json()["outcome"]["status"]
-        bag = open_bag(tmp_path / name / "bag")
-        found.append(
-            [bag.blocks(f"/stage/{topic}").values for topic in ("drive", "applied", "measurement", "estimate")]
-        )
-    for separate, composed in zip(*found, strict=True):
-        np.testing.assert_array_equal(separate, composed)
 
 
 def test_a_controller_is_driven_from_one_process(tmp_path: Path) -> None:
