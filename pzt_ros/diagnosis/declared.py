@@ -23,6 +23,7 @@ from pzt_ros.sysid.run import Start, prepared_drive
 _STEP = 1e-3
 _REMEMBERED = 3  # evaluations
 _NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
+_FAR = 0.01  # so far apart, in coordinates, two places have to be for their differences to tell a slope
 _ROUGH = 6e-4  # rms of the difference over the span of P from which the front model is too far off for a run
 _WIDE, _LOOSE = 1.0, 1e-3  # thermal widths between domains, error of x+: of what takes its place
 _WIDEST = 10.0  # thermal widths between domains
@@ -50,14 +51,41 @@ class _Slope(NamedTuple):
         return bool(driven_alike and np.max(np.abs(self.vector - vector), initial=0.0) <= _NEAR)
 
 
+class _Exact(NamedTuple):
+    """Where a run's polarization was last exact, and what has to be added there and nearby.
+
+    Attributes:
+        vector: of the parameters [shape (p,)].
+        voltage: across the ceramic [V, shape (n,)].
+        difference: of the model and what is moved in its place [C/m^2, shape (n,)].
+        bend: how that changes with each parameter, as far as is known [C/m^2, shape (n, p)].
+    """
+
+    vector: Array
+    voltage: Array
+    difference: Array
+    bend: Array
+
+    def moved_to(self, vector: Array, voltage: Array, difference: Array) -> _Exact:
+        """The same elsewhere; what the difference did on the way there is learned (Broyden's rank-one update)."""
+        way = vector - self.vector
+        length = float(way @ way)
+        alike = np.max(np.abs(self.voltage - voltage)) <= _NEAR * np.ptp(voltage)
+        if not alike or length < _FAR**2:
+            return _Exact(vector.copy(), voltage, difference, self.bend if alike else np.zeros_like(self.bend))
+        surprise = difference - self.difference - self.bend @ way
+        return _Exact(vector.copy(), voltage, difference, self.bend + np.outer(surprise, way / length))
+
+
 class DeclaredHysteresis:
     """A ceramic's link with some of its parameters free; a `staged.Hysteresis`.
 
     A model of many domains takes twenty times as long as the front model of the same ceramic, and the two differ by
     little that changes slowly with the parameters. So the search moves the front model, plus the difference of the two
-    where `exact_at` was last asked for. On drives that turn at every few samples the front model is worst, and its
-    decisions on what is a reversal are cliffs in the cost; there a lattice of wide spacing takes its place, which on
-    such drives takes no longer.
+    where `exact_at` was last asked for, and how that changed on the way there: without it a search creeps in a valley,
+    such as where a lag and a relaxation time make up for one another. On drives that turn at every few samples the
+    front model is worst, and its decisions on what is a reversal are cliffs in the cost; there a lattice of wide
+    spacing takes its place, which on such drives takes no longer.
 
     Args:
         model: the link, with the values to start from.
@@ -84,7 +112,7 @@ class DeclaredHysteresis:
         self.lower = np.array([each.bounds[0] for each in coordinates])
         self.upper = np.array([each.bounds[1] for each in coordinates])
         self.records, self.starts = tuple(records), tuple(starts)
-        self._differences = [np.zeros(len(record)) for record in records]
+        self._exact: dict[int, _Exact] = {}  # by run
         self._rough = [False] * len(records)
         self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)
         self._slopes: dict[int, _Slope] | None = None  # by run; only where no other search looks
@@ -117,7 +145,12 @@ class DeclaredHysteresis:
                 ):
                     found._rough[number] = True
                     difference = here - self._run(found._near(vector, number), number, voltage)
-                found._differences[number] = difference
+                known = self._exact.get(number)
+                if known is None or found._rough[number] != self._rough[number]:
+                    nothing = np.zeros((voltage.size, vector.size))
+                    found._exact[number] = _Exact(vector.copy(), voltage, difference, nothing)
+                else:
+                    found._exact[number] = known.moved_to(vector, voltage, difference)
         return found
 
     def _near(self, vector: Array, number: int) -> Ferroelectric:
@@ -161,7 +194,7 @@ class DeclaredHysteresis:
             moved = vector.copy()
             moved[k] += _STEP if vector[k] + _STEP <= self.upper[k] else -_STEP
             try:
-                there = self._run(self._valued(near, moved), number, voltage) + self._differences[number]
+                there = self._run(self._valued(near, moved), number, voltage) + self._added(moved, number)
             except BenchError:  # the link refuses this combination of values: taken as one that changes nothing
                 continue
             columns[:, k] = (there - here) / (moved[k] - vector[k])
@@ -181,10 +214,15 @@ class DeclaredHysteresis:
 
     def _all(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         return [
-            self._run(self._near(vector, number), number, voltage) + self._differences[number]
+            self._run(self._near(vector, number), number, voltage) + self._added(vector, number)
             for number, voltage in enumerate(voltages)
             if voltage.size
         ]
+
+    def _added(self, vector: Array, number: int) -> Array | float:
+        """What the model has beyond what is moved in its place [C/m^2]."""
+        known = self._exact.get(number)
+        return 0.0 if known is None else known.difference + known.bend @ (vector - known.vector)
 
     def _valued(self, model: Ferroelectric, vector: Array) -> Ferroelectric:
         values = {each.field: each.si(float(v)) for each, v in zip(self.coordinates, vector, strict=True)}

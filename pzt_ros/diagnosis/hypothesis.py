@@ -15,7 +15,8 @@ from pzt_ros.sysid.bounded_quadratic import bounded_minimum
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.gauss_newton import Solution, solve
 
-_CORRECTIONS = 2
+_CORRECTIONS, _MOST_CORRECTIONS = 2, 4
+_CREEPS = (1.05, 1.5)  # rms over noise between which it is worth more: in a valley, or it would be farther off
 _STEPS = 8
 _STAYS = 0.01  # change of coordinates, that is 1 % of a parameter
 _ROUNDS = 2  # the strain law bends, so one linear step would not do
@@ -131,8 +132,8 @@ def exact(found: Hypothesis) -> Hypothesis:
     if found.fit.ratio > found.staged.ceramic.far:
         return found
     best = _exact_here(found)
-    for _ in range(_CORRECTIONS):
-        if best.staged.ceramic is found.staged.ceramic:
+    for count in range(_MOST_CORRECTIONS):
+        if best.staged.ceramic is found.staged.ceramic or (count >= _CORRECTIONS and not _creeps(best)):
             break
         moved = fitted(best.staged, best.vector, best.effects, _STEPS)
         if np.max(np.abs(moved.solution.vector - best.solution.vector)) < _STAYS:
@@ -142,6 +143,11 @@ def exact(found: Hypothesis) -> Hypothesis:
             break
         best = there
     return best
+
+
+def _creeps(found: Hypothesis) -> bool:
+    low, high = _CREEPS
+    return low < found.fit.ratio <= high
 
 
 def _exact_here(found: Hypothesis) -> Hypothesis:

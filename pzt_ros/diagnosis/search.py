@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
+import numpy as np
+
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.screen import Prospect, Screen
@@ -22,6 +24,8 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 _REFIT_STEPS = 12
 _LONG = 30  # steps more, for those that may win
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
+_POLISHES, _COMES_DOWN = 4, 0.995  # times that the best is taken on, and what has to be left of it each time at most
+_AT_BOUND = 1e-6  # of the way to the other bound
 _RIVAL = 0.6  # of the best one's gain
 
 
@@ -164,6 +168,7 @@ class Search:
         candidates, refused = self._candidates(before, before, most)
         if not before.effects:
             candidates = self._from_elsewhere(before, candidates)
+        candidates = self._polished(candidates)
         sound = [c for c in candidates if self._is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
@@ -185,6 +190,26 @@ class Search:
                 break
             candidates = _best_of_each((*candidates, *self._candidates(before, origin)[0]))
         return candidates
+
+    def _polished(self, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+        """With the best taken on for as long as it comes down: what it leaves would make others look as good."""
+        if not candidates:
+            return candidates
+        best, *others = candidates
+        if self._is_polishable(best):
+            inside = _off_bounds(best.after)
+            best = best if inside is None else min(best, replace(best, after=inside), key=lambda c: c.after.total)
+        for _ in range(_POLISHES):
+            if not self._is_polishable(best):
+                break
+            after = _finished(best.after, True)
+            if after.total > _COMES_DOWN * best.after.total:
+                break
+            best = replace(best, after=after)
+        return (best, *others)
+
+    def _is_polishable(self, best: Candidate) -> bool:
+        return not self.at_floor(best.after) and best.after.fit.ratio <= self.thresholds.polishable
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
@@ -327,6 +352,22 @@ def _finished(hypothesis: Hypothesis, further: bool) -> Hypothesis:
     if further:
         hypothesis = fitted(hypothesis.staged, hypothesis.vector, hypothesis.effects, _LONG)
     return exact(hypothesis)
+
+
+def _off_bounds(found: Hypothesis) -> Hypothesis | None:
+    """Refitted from the middle of what its last effect has at a bound, which may only be where the search began."""
+    staged = found.staged
+    own, kind = staged.ceramic.start.size, found.effects[-1]
+    low, high = staged.bounds
+    begin = found.vector.copy()
+    for place, each in enumerate(staged.coordinates, start=own):
+        room = _AT_BOUND * (high[place] - low[place])
+        at_bound = min(begin[place] - low[place], high[place] - begin[place]) < room
+        if each.kind == kind and not each.is_log and each.run is None and at_bound:
+            begin[place] = 0.5 * (low[place] + high[place])
+    if np.array_equal(begin, found.vector):
+        return None
+    return _finished(fitted(staged, begin, found.effects, _REFIT_STEPS), True)
 
 
 def _best_of_each(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -28,6 +28,7 @@ class Thresholds:
         finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it,
         much_less: unless no more than this share of the misfit's rms is left: then the refit has not ended.
         finish_share: share of the excess that it has to explain before.
+        polishable: rms over noise up to which the best refit is taken on for as long as it comes down.
         reachable: the same up to which further effects are looked for beside one that was found.
         trial_promise: as `further_promise` until another base was tried.
         outdone: share of the excess that another base may leave at most for the search on this one to end.
@@ -35,6 +36,7 @@ class Thresholds:
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
+        flexible_alike: the same on a flexible base, which bends so that a wrong one may do.
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
             curve leaves to be as good.
@@ -64,12 +66,14 @@ class Thresholds:
     finishable: float = 8.0
     much_less: float = 0.35
     finish_share: float = -math.inf
+    polishable: float = 1.5
     reachable: float = 12.0
     trial_promise: float = 0.5
     outdone: float = 0.25
     rateless: float = 3.0
     tie: float = 0.93
-    alike_tie: float = 0.75
+    alike_tie: float = 0.9
+    flexible_alike: float = 0.75
     decisive: float = 25.0
     law_tie: float = 0.12
     refits: int = 4
@@ -89,6 +93,7 @@ class Thresholds:
         return replace(
             self,
             share=self.flexible_share,
+            alike_tie=self.flexible_alike,
             size=self.flexible_size,
             hopeless=self.flexible_hopeless,
             finish_share=self.flexible_finish,
