@@ -12,10 +12,11 @@ from pzt_ros.diagnosis import declared
 from pzt_ros.diagnosis.base import _within_sight
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import RunData
-from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.declared import DeclaredHysteresis, _Exact
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.records import Record
+from pzt_ros.sysid.run import Start
 
 
 def lattice() -> Lattice:
@@ -76,6 +77,41 @@ def test_what_takes_the_front_models_place_has_fewer_domains_still() -> None:
     near = ceramic._near(ceramic.start, 0)
     assert isinstance(near, Lattice)
     assert domains(near) <= 1.1 * declared._MOST_WIDE_DOMAINS < domains(ceramic.model)
+
+
+def test_a_search_knows_how_the_difference_changed_on_its_way() -> None:
+    """Exact where it was last, and at the place before, too: between them the model is met to second order."""
+    link = lattice()
+    coarse = dataclasses.replace(link, spacing=1.0, accuracy=1e-3)
+    free = [coordinate(link, "relaxation_time"), coordinate(link, "coercive_field")]
+    record, voltages = searched(link).records[0], [searched(link).records[0].voltage]
+    ceramic = DeclaredHysteresis(link, coarse, free, [record], [Start()])
+    ceramic._rough = [True]
+    before, after = np.zeros(2), np.array([0.4, -0.1])
+    way = ceramic.exact_at(before, voltages).exact_at(after, voltages)
+
+    def missed(searching: DeclaredHysteresis, vector: Array) -> float:
+        exact = searching._run(searching.link(vector), 0, voltages[0])
+        return float(np.std(searching.polarization(vector, voltages)[0] - exact))
+
+    assert missed(way, after) < 1e-12
+    assert missed(way, before) < 1e-12
+    between = 0.5 * (before + after)
+    assert missed(way, between) < 0.5 * missed(ceramic.exact_at(after, voltages), between)
+    _, (columns,) = way.tangent(after, voltages)
+    moved = after + np.array([1e-3, 0.0])
+    slope = (way.polarization(moved, voltages)[0] - way.polarization(after, voltages)[0]) / 1e-3
+    np.testing.assert_allclose(columns[:, 0], slope, atol=1e-9)
+
+
+def test_a_short_way_or_another_drive_tells_nothing() -> None:
+    """Over so short a way the difference changes by noise; over another drive it is another one."""
+    nothing = np.zeros((3, 1))
+    known = _Exact(np.zeros(1), np.arange(3.0), np.zeros(3), nothing)
+    learned = known.moved_to(np.array([0.5]), np.arange(3.0), np.ones(3))
+    np.testing.assert_allclose(learned.bend, 2.0)
+    np.testing.assert_array_equal(learned.moved_to(np.array([0.501]), np.arange(3.0), np.zeros(3)).bend, learned.bend)
+    np.testing.assert_array_equal(learned.moved_to(np.array([1.0]), 2.0 * np.arange(3.0), np.zeros(3)).bend, nothing)
 
 
 def test_thermal_width_stays_within_what_the_runs_can_tell() -> None:

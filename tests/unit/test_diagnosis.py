@@ -26,11 +26,12 @@ from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Screen
-from pzt_ros.diagnosis.search import Candidate, Search, Step
+from pzt_ros.diagnosis.search import Candidate, Search, Step, _off_bounds
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.effects.insert import with_effect
+from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.ferroelectric import Ferroelectric
@@ -343,6 +344,22 @@ def test_screen_puts_the_effect_that_is_there_among_the_first(name: str) -> None
     found = {effect.name: screen.best(effect) for effect in EFFECTS if not effect.needs}
     totals = {key: prospect.total for key, prospect in found.items() if prospect is not None}
     assert name in sorted(totals, key=lambda key: totals[key])[:3]
+
+
+def test_a_shape_at_its_bound_is_tried_from_the_middle() -> None:
+    """The reading is delayed; a search that began with bandwidth alone may stay there."""
+    base = hypothesis("sensor_lag")
+    screen, effect = Screen(base), EFFECT_OF["sensor_lag"]
+    prospect = screen._prospect(effect, SensorLag(lag=3e-3, delay_share=0.0))
+    held = fitted(prospect.staged, prospect.best_start(), ("sensor_lag",), 0)
+    found = _off_bounds(held)
+    assert found is not None
+    assert found.total < held.total
+    share = next(link for link in found.staged.chain_at(found.vector).links if isinstance(link, SensorLag)).delay_share
+    assert share > 0.5
+    inside = held.vector.copy()
+    inside[-1] = 0.4
+    assert _off_bounds(fitted(prospect.staged, inside, ("sensor_lag",), 0)) is None
 
 
 def test_coordinates_come_back_to_their_values() -> None:
