@@ -12,6 +12,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate
 from pzt_ros.diagnosis.remembered import Remembered
+from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
@@ -210,6 +211,10 @@ class DeclaredHysteresis:
 
     def places_of(self, number: int) -> list[int]:
         """Unknowns that belong to one run alone: none."""
+        return []
+
+    def stiffer(self) -> list[Hysteresis]:
+        """Nothing: it has no prior."""
         return []
 
     def _all(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:

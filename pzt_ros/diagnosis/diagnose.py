@@ -19,6 +19,7 @@ from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
+from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for
@@ -161,7 +162,8 @@ def _on_others(declared: Hypothesis, asked: Thresholds, progress: Progress, work
 def _trusted(branch: Branch, asked: Thresholds) -> Branch:
     """The branch without its names where too much is left beside them."""
     left = branch.final.fit.ratio
-    if left <= asked.nameable:
+    knows_no_rate = isinstance(branch.base.staged.ceramic, FlexiblePreisach)
+    if left <= (asked.rateless_nameable if knows_no_rate else asked.nameable):
         return branch
     but = f", but {left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
     steps = [

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from pzt_ros.diagnosis.remembered import Remembered
+from pzt_ros.diagnosis.staged import Hysteresis
+from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.identified import IdentifiedHysteresis
 from pzt_ros.sysid.run import Start
@@ -83,3 +85,7 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         """The occupancy at the start of a run belongs to it alone."""
         place = self._places(number)
         return list(range(place.start, place.stop))
+
+    def stiffer(self) -> list[Hysteresis]:
+        """The same with a density that is more even along constant coercive field."""
+        return [*stiffer_of(self)]

@@ -195,7 +195,7 @@ class Search:
         """With the best taken on for as long as it comes down: what it leaves would make others look as good."""
         if not candidates:
             return candidates
-        best, *others = candidates
+        best, *others = sorted(map(self._stiffened, candidates), key=lambda c: c.after.total)
         if self._is_polishable(best):
             inside = _off_bounds(best.after)
             best = best if inside is None else min(best, replace(best, after=inside), key=lambda c: c.after.total)
@@ -207,6 +207,16 @@ class Search:
                 break
             best = replace(best, after=after)
         return (best, *others)
+
+    def _stiffened(self, candidate: Candidate) -> Candidate:
+        """With a stronger prior on the density where that predicts better: alone, it had to bend for the effect."""
+        if candidate.fit_share < self.thresholds.share or not self._is_polishable(candidate):
+            return candidate
+        staged, effects = candidate.after.staged, candidate.after.effects
+        ceramics = [(ceramic, candidate.after.vector) for ceramic in staged.ceramic.stiffer()]
+        refits = [fitted(replace(staged, ceramic=each), vector, effects, 0) for each, vector in ceramics]
+        tried = [replace(candidate, after=_finished(refit, True)) for refit in refits]
+        return min(candidate, *tried, key=lambda c: c.after.total) if tried else candidate
 
     def _is_polishable(self, best: Candidate) -> bool:
         return not self.at_floor(best.after) and best.after.fit.ratio <= self.thresholds.polishable

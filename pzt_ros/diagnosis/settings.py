@@ -24,6 +24,7 @@ class Thresholds:
         whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
         nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
             base lacks something else, and an effect may only stand in for it.
+        rateless_nameable: the same on a base that knows no rate: hysteresis beside it may stand for one that it lacks.
         hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
         finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it,
         much_less: unless no more than this share of the misfit's rms is left: then the refit has not ended.
@@ -62,6 +63,7 @@ class Thresholds:
     whole: float = 0.9
     near_floor: float = 1.15
     nameable: float = 4.0
+    rateless_nameable: float = 1.5
     hopeless: float = math.inf
     finishable: float = 8.0
     much_less: float = 0.35

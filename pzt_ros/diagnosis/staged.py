@@ -71,6 +71,10 @@ class Hysteresis(Protocol):
         """Unknowns that belong to one run alone."""
         ...
 
+    def stiffer(self) -> list[Hysteresis]:
+        """The same held by stronger priors, where it has any."""
+        ...
+
 
 @dataclasses.dataclass(frozen=True)
 class Staged:

@@ -3,19 +3,50 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from pzt_benchmarks.residual_court.cases import Spec, make_case
 from pzt_benchmarks.residual_court.files import write_case
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis.diagnose import diagnose
+from pzt_ros.diagnosis.diagnose import Branch, _trusted, diagnose
+from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
+from pzt_ros.diagnosis.search import Step
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.records import read_csv
 
 NULL = Spec("null_wrong", "play_sum", protocol="short", seed=5)
 HUM = Spec("effect_wrong", "play_sum", ("mains_hum",), 5.0, "short", seed=6)
+
+
+def ceramic() -> FlexiblePreisach:
+    return FlexiblePreisach([np.arange(9.0)], 1e-4, (-0.5e6, 1.5e6), resolution=4, initial="virgin")
+
+
+@pytest.mark.parametrize(("left", "named"), [(1.4, True), (1.6, False), (3.0, False), (5.0, False)])
+def test_no_name_beside_much_that_is_left(left: float, named: bool) -> None:
+    """A court case: what a Maxwell slip has beyond any Preisach model was named strain-polarization hysteresis."""
+    base: Any = SimpleNamespace(staged=SimpleNamespace(ceramic=ceramic()))
+    found: Any = SimpleNamespace(after=SimpleNamespace(fit=SimpleNamespace(ratio=left)))
+    branch = Branch("identified", base, (Step(base, (found,), {}, (found,), (), "explains 97% of the excess"),))
+    step = _trusted(branch, Thresholds()).steps[0]
+    assert bool(step.accepted) is named
+    assert ("no name is to be trusted" in step.verdict) is not named
+
+
+def test_stronger_priors_leave_the_weaker_one_as_it_was() -> None:
+    held = ceramic()
+    held.rotation_strength = 10.0
+    assert [each.rotation_strength for each in held.stiffer()] == [100.0]  # type: ignore[attr-defined]
+    assert held.rotation_strength == 10.0
+    stiffest = held.stiffer()[0]
+    assert np.linalg.norm(stiffest.regularisation()[0]) > np.linalg.norm(held.regularisation()[0])
+    assert stiffest.stiffer() == []
 
 
 @pytest.mark.parametrize(("spec", "names"), [(NULL, []), (HUM, ["mains_hum"])], ids=["nothing hidden", "hum"])
