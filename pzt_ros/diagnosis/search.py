@@ -157,7 +157,8 @@ class Search:
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]
-        ended = not last.accepted or bool(last.tied) or len(last.after.effects) >= self.thresholds.most_effects
+        undecided = bool(last.tied) and STRAIN_LAW not in last.tied  # a law of the model is no rival of an effect
+        ended = not last.accepted or undecided or len(last.after.effects) >= self.thresholds.most_effects
         out_of_reach = last.after.fit.ratio > self.thresholds.reachable
         return not (ended or out_of_reach or self.explains(steps, base))
 
@@ -196,21 +197,25 @@ class Search:
         if not candidates:
             return candidates
         best, *others = sorted(map(self._stiffened, candidates), key=lambda c: c.after.total)
-        if self._is_polishable(best):
+        if self._is_polishable(best.after):
             inside = _off_bounds(best.after)
             best = best if inside is None else min(best, replace(best, after=inside), key=lambda c: c.after.total)
+        return (replace(best, after=self._taken_on(best.after)), *others)
+
+    def _taken_on(self, found: Hypothesis) -> Hypothesis:
+        """Refitted for as long as it comes down."""
         for _ in range(_POLISHES):
-            if not self._is_polishable(best):
+            if not self._is_polishable(found):
                 break
-            after = _finished(best.after, True)
-            if after.total > _COMES_DOWN * best.after.total:
+            after = _finished(found, True)
+            if after.total > _COMES_DOWN * found.total:
                 break
-            best = replace(best, after=after)
-        return (best, *others)
+            found = after
+        return found
 
     def _stiffened(self, candidate: Candidate) -> Candidate:
         """With a stronger prior on the density where that predicts better: alone, it had to bend for the effect."""
-        if candidate.fit_share < self.thresholds.share or not self._is_polishable(candidate):
+        if candidate.fit_share < self.thresholds.share or not self._is_polishable(candidate.after):
             return candidate
         staged, effects = candidate.after.staged, candidate.after.effects
         ceramics = [(ceramic, candidate.after.vector) for ceramic in staged.ceramic.stiffer()]
@@ -218,8 +223,9 @@ class Search:
         tried = [replace(candidate, after=_finished(refit, True)) for refit in refits]
         return min(candidate, *tried, key=lambda c: c.after.total) if tried else candidate
 
-    def _is_polishable(self, best: Candidate) -> bool:
-        return not self.at_floor(best.after) and best.after.fit.ratio <= self.thresholds.polishable
+    def _is_polishable(self, found: Hypothesis) -> bool:
+        asked = self.thresholds
+        return max(found.ratios) > asked.unpolished and found.fit.ratio <= asked.polishable
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
@@ -336,7 +342,7 @@ class Search:
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
         law = with_free_law(winner.before)
-        return law is not None and law.total - winner.after.total <= self.thresholds.law_tie
+        return law is not None and self._taken_on(law).total - winner.after.total <= self.thresholds.law_tie
 
     def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Two effects neither of which explains enough alone; empty where no two do."""

@@ -29,7 +29,8 @@ class Thresholds:
         finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it,
         much_less: unless no more than this share of the misfit's rms is left: then the refit has not ended.
         finish_share: share of the excess that it has to explain before.
-        polishable: rms over noise up to which the best refit is taken on for as long as it comes down.
+        unpolished, polishable: rms over noise of a run from which, and of what was fitted up to which, the best refit
+            is taken on for as long as it comes down. (From 1.05 on, a wrong strain law was named a sensor's curve.)
         reachable: the same up to which further effects are looked for beside one that was found.
         trial_promise: as `further_promise` until another base was tried.
         outdone: share of the excess that another base may leave at most for the search on this one to end.
@@ -68,6 +69,7 @@ class Thresholds:
     finishable: float = 8.0
     much_less: float = 0.35
     finish_share: float = -math.inf
+    unpolished: float = 1.1
     polishable: float = 1.5
     reachable: float = 12.0
     trial_promise: float = 0.5
