@@ -139,17 +139,17 @@ def _on_others(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
     """
     search = Search(asked.on_flexible(), progress=progress, workers=workers)
-    unhurried = fit_rate_independent(declared, progress)
-    if unhurried is not None and search.at_floor(unhurried):
-        return [Branch("identified", unhurried, ())]
+    rateless = fit_rate_independent(declared, progress)
+    if rateless is not None and search.at_floor(rateless):
+        return [Branch("identified", rateless, ())]
     runs = declared.staged.runs
     unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
     flexible = fit_flexible(declared, unknown, progress)
     if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
         return [Branch("identified", flexible, ())]
     bases = [flexible]
-    if unhurried is not None and unhurried.total < asked.rateless * flexible.total:
-        bases.insert(0, unhurried)
+    if rateless is not None and rateless.total < asked.rateless * flexible.total:
+        bases.insert(0, rateless)
     found: list[Branch] = []
     for base in bases:
         steps = search.with_pair(search.run(base), base)

@@ -197,10 +197,10 @@ class Search:
         if not candidates:
             return candidates
         best, *others = sorted(map(self._stiffened, candidates), key=lambda c: c.after.total)
+        tried = [best.after]
         if self._is_polishable(best.after):
-            inside = _off_bounds(best.after)
-            best = best if inside is None else min(best, replace(best, after=inside), key=lambda c: c.after.total)
-        return (replace(best, after=self._taken_on(best.after)), *others)
+            tried += _off_bounds(best.after)
+        return (replace(best, after=self._taken_on(min(tried, key=lambda found: found.total))), *others)
 
     def _taken_on(self, found: Hypothesis) -> Hypothesis:
         """Refitted for as long as it comes down."""
@@ -217,11 +217,12 @@ class Search:
         """With a stronger prior on the density where that predicts better: alone, it had to bend for the effect."""
         if candidate.fit_share < self.thresholds.share or not self._is_polishable(candidate.after):
             return candidate
-        staged, effects = candidate.after.staged, candidate.after.effects
-        ceramics = [(ceramic, candidate.after.vector) for ceramic in staged.ceramic.stiffer()]
-        refits = [fitted(replace(staged, ceramic=each), vector, effects, 0) for each, vector in ceramics]
-        tried = [replace(candidate, after=_finished(refit, True)) for refit in refits]
-        return min(candidate, *tried, key=lambda c: c.after.total) if tried else candidate
+        weak = candidate.after
+        tried = [candidate]
+        for ceramic in weak.staged.ceramic.stiffer():
+            held = fitted(replace(weak.staged, ceramic=ceramic), weak.vector, weak.effects, 0)
+            tried.append(replace(candidate, after=_finished(held, True)))
+        return min(tried, key=lambda c: c.after.total)
 
     def _is_polishable(self, found: Hypothesis) -> bool:
         asked = self.thresholds
@@ -370,8 +371,8 @@ def _finished(hypothesis: Hypothesis, further: bool) -> Hypothesis:
     return exact(hypothesis)
 
 
-def _off_bounds(found: Hypothesis) -> Hypothesis | None:
-    """Refitted from the middle of what its last effect has at a bound, which may only be where the search began."""
+def _off_bounds(found: Hypothesis) -> list[Hypothesis]:
+    """Refitted from the middle of what its last effect has at a bound: that may only be where the search began."""
     staged = found.staged
     own, kind = staged.ceramic.start.size, found.effects[-1]
     low, high = staged.bounds
@@ -382,8 +383,8 @@ def _off_bounds(found: Hypothesis) -> Hypothesis | None:
         if each.kind == kind and not each.is_log and each.run is None and at_bound:
             begin[place] = 0.5 * (low[place] + high[place])
     if np.array_equal(begin, found.vector):
-        return None
-    return _finished(fitted(staged, begin, found.effects, _REFIT_STEPS), True)
+        return []
+    return [_finished(fitted(staged, begin, found.effects, _REFIT_STEPS), True)]
 
 
 def _best_of_each(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
