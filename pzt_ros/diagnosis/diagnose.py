@@ -142,9 +142,7 @@ def _on_others(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     rateless = fit_rate_independent(declared, progress)
     if rateless is not None and search.at_floor(rateless):
         return [Branch("identified", rateless, ())]
-    runs = declared.staged.runs
-    unknown = [bool(declared.staged.ceramic.start_of(declared.vector, r).prior_voltages) for r in range(len(runs))]
-    flexible = fit_flexible(declared, unknown, progress)
+    flexible = fit_flexible(declared, progress)
     if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
         return [Branch("identified", flexible, ())]
     bases = [flexible]

@@ -37,20 +37,21 @@ RESOLUTIONS, INITIAL = (10, 18), ("virgin", "down", "up")
 """Resolutions, and states before all runs, that are compared where switching has no rate."""
 
 
-def fit_flexible(declared: Hypothesis, unknown: Sequence[bool], progress: Progress) -> Hypothesis:
+def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     """Fit the identified lattice and a strain law in place of the declared ceramic and its strain.
 
     How fine and smooth the density is, and of which order the law, the parts that choose say: between loops of one
     amplitude any density and law will do.
 
     Args:
-        declared: the fitted declared model; what else is in its chain stays.
-        unknown: of each run, whether what was before it is unknown.
+        declared: the fitted declared model; what else is in its chain stays, and where it needs a history before a run,
+            that start is unknown.
         progress: is told what is being done.
     """
     progress("identifying the density")
     runs = declared.staged.runs
-    unknown = [known_not or _begins_driven(run) for known_not, run in zip(unknown, runs, strict=True)]
+    starts = [declared.staged.ceramic.start_of(declared.vector, number) for number in range(len(runs))]
+    unknown = [bool(start.prior_voltages) or _begins_driven(run) for start, run in zip(starts, runs, strict=True)]
     thickness, voltages, reached = _driven(declared)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     found = fit.fit(*_parts(runs, voltages, unknown))

@@ -30,7 +30,7 @@ _SCALARS = ("relaxation_time", "thermal_field", "settling_time", "susceptibility
 _LEAST_SETTLING, _MOST_SETTLING = 0.01, 1e4  # of the sampling time, of the longest run
 _FINE_ENOUGH = 0.55  # distance of the fine lines over d: methods.md 1.3
 _COARSEST = 0.8  # distance of the fine lines over d: beyond, the staircase shows (5e-4 at 1)
-_STEEPEST = 300.0  # slope of what does not switch, over that of all domains: without a bound it ran to 1e42
+STEEPEST = 300.0  # slope of what does not switch, over that of all domains: without a bound it ran to 1e42
 _LEAST_TIME = 1.01e-9  # [s]; the link's own bound
 _DIFFERENCE = 1e-4  # of a logarithm
 _FINE = 160
@@ -84,9 +84,7 @@ class IdentifiedHysteresis:
             BenchError: an empty range of field, a run without samples.
         """
         low, high = field_range
-        span = high - low
-        if not (math.isfinite(span) and span > 0.0):
-            raise BenchError(f"identified lattice: field range {low:.6g} to {high:.6g} V/m is empty; drive the runs")
+        span = span_of(field_range, "identified lattice")
         if len(times) != len(unknown_start) or any(time.size < 2 for time in times):
             raise BenchError("identified lattice: every run needs two samples and a word on its start")
         self.times, self.layer_thickness, self.total = list(times), layer_thickness, total
@@ -124,7 +122,7 @@ class IdentifiedHysteresis:
             math.log(_MOST_SETTLING * longest),
         )
         settling = math.log(10.0 * step)
-        self.upper[SUSCEPTIBILITY] = _STEEPEST * self.total / span
+        self.upper[SUSCEPTIBILITY] = STEEPEST * self.total / span
         if not any(self.unknown_start):
             self.lower[LOG_SETTLING] = self.upper[LOG_SETTLING] = settling
         self.upper[count - free :] = 1.0
@@ -205,7 +203,7 @@ class IdentifiedHysteresis:
         """
         link = self.link(vector)
         _ = link.relays  # cached here, not in every thread
-        return self._together([partial(self._run, link, vector, run, voltages[run]) for run in _asked(voltages)])
+        return self._together([partial(self._run, link, vector, run, voltages[run]) for run in asked_of(voltages)])
 
     def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Any]]:
         """P of each run, and dP/dvector [each shape (n, p), float32].
@@ -222,7 +220,7 @@ class IdentifiedHysteresis:
             _ = each.relays
         tasks: list[Callable[[], Array]] = []
         places: list[tuple[int, int]] = []  # of the columns that are differences
-        asked = _asked(voltages)
+        asked = asked_of(voltages)
         jacobians = [np.zeros((self.times[run].size, len(self.names)), dtype=np.float32) for run in asked]
         for number, run in enumerate(asked):
             tasks.append(partial(self._columns, link, vector, run, voltages[run], jacobians[number]))
@@ -312,7 +310,19 @@ def _symmetric(grid: Array) -> Array:
     return np.concatenate((lower, grid, upper))
 
 
-def _asked(voltages: Sequence[Array]) -> list[int]:
+def span_of(field_range: tuple[float, float], model: str) -> float:
+    """How far a range of field reaches [V/m].
+
+    Raises:
+        BenchError: not at all; `model` is named.
+    """
+    low, high = field_range
+    if not (math.isfinite(high - low) and high > low):
+        raise BenchError(f"{model}: field range {low:.6g} to {high:.6g} V/m is empty; drive the runs")
+    return high - low
+
+
+def asked_of(voltages: Sequence[Array]) -> list[int]:
     """The runs whose voltage is given."""
     return [run for run, voltage in enumerate(voltages) if voltage.size]
 

@@ -139,6 +139,11 @@ def test_a_finer_grid_carries_the_density_on() -> None:
     assert base.carried(base, vector) is vector
 
 
+def test_no_range_no_density() -> None:
+    with pytest.raises(BenchError, match="preisach: field range 1e\\+06 to 1e\\+06 V/m is empty"):
+        RateIndependentHysteresis([np.arange(9.0)], THICKNESS, (1e6, 1e6), unknown_start=[False])
+
+
 def test_an_unknown_start_is_refused() -> None:
     base, _ = hysteresis()
     with pytest.raises(BenchError, match="a start that is known"):
