@@ -12,6 +12,7 @@ import yaml
 from pzt_ros.effects.table import EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
+from pzt_ros.physics.bouc_wen import BoucWen
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
@@ -30,7 +31,7 @@ from pzt_ros.quantities import build, choices_of, forms_of, parameters_of, table
 
 _ALWAYS: tuple[type[Link], ...] = (
     Amplifier, Parametrized, ParametrizedSingle, Quadrature, Lattice, Front, IdentifiedLattice, Preisach,
-    Electrostriction, StrainHysteresis, StrainLaw, Structure, DisplacementSensor,
+    BoucWen, Electrostriction, StrainHysteresis, StrainLaw, Structure, DisplacementSensor,
 )  # fmt: skip
 
 LINKS: dict[str, type[Link]] = {link.kind: link for link in (*_ALWAYS, *(effect.link for effect in EFFECTS))}

@@ -71,8 +71,12 @@ def _operator(family: str, rng: np.random.Generator) -> OperatorTruth:
     curvature = {"curvature": rng.uniform(-0.1, 0.1)}
     shape = {
         "play_sum": {"loop": rng.uniform(0.5, 0.8), "memory": rng.uniform(0.1, 0.2)},
-        "bouc_wen": {"loop": rng.uniform(0.1, 0.2), "beta": rng.uniform(1.5, 3.0), "gamma": rng.uniform(-0.8, 0.3)},
-        "maxwell_slip": {"loop": rng.uniform(0.4, 0.7), "slip": rng.uniform(0.05, 0.1)},
+        "bouc_wen": {
+            "loop": _way(rng) * rng.uniform(0.1, 0.2),
+            "beta": rng.uniform(1.5, 3.0),
+            "gamma": rng.uniform(-0.8, 0.3),
+        },
+        "maxwell_slip": {"loop": _way(rng) * rng.uniform(0.4, 0.7), "slip": rng.uniform(0.05, 0.1)},
         "wedge_preisach": {
             "loop": rng.uniform(0.4, 0.7),
             "low": rng.uniform(-0.5, -0.4),
@@ -80,3 +84,8 @@ def _operator(family: str, rng: np.random.Generator) -> OperatorTruth:
         },
     }[family]
     return OperatorTruth(family, {**shape, **curvature})
+
+
+def _way(rng: np.random.Generator) -> float:
+    """Friction leads its displacement; what lags must be less, or the output would fall after each turn."""
+    return float(rng.choice((1.0, -0.3)))

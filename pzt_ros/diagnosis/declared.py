@@ -107,6 +107,7 @@ class DeclaredHysteresis:
         starts: Sequence[Start],
     ) -> None:
         self.model, self.quick = model, quick
+        self.knows_no_rate = model.knows_no_rate
         self.coordinates = tuple(coordinates)
         self.names = [each.name for each in coordinates]
         self.start = np.array([each.scaled(each.start) for each in coordinates])

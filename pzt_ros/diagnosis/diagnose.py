@@ -5,23 +5,22 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
 from itertools import repeat
 from typing import Any
 
 import numpy as np
 
-from pzt_ros.diagnosis.base import default_chain, fit_declared, without_histories
+from pzt_ros.diagnosis.base import default_chain, fit_declared
 from pzt_ros.diagnosis.baselines import baselines
+from pzt_ros.diagnosis.branches import Branch, branches_of, chosen_of
+from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all
-from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
-from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for
 from pzt_ros.diagnosis.intervals import note_intervals
 from pzt_ros.diagnosis.next_experiment import (
@@ -35,7 +34,6 @@ from pzt_ros.diagnosis.next_experiment import (
 from pzt_ros.diagnosis.outcome import Errors, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
-from pzt_ros.diagnosis.search import Candidate, Search, Step
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.effects.table import EFFECT_OF, reported
@@ -44,20 +42,6 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
 
 _SLOW_FLOOR = 2.0
-
-
-@dataclass(frozen=True)
-class Branch:
-    """The search on one base."""
-
-    density: str
-    base: Hypothesis
-    steps: tuple[Step, ...]
-
-    @property
-    def final(self) -> Hypothesis:
-        """Where it ended."""
-        return self.steps[-1].after if self.steps else self.base
 
 
 def diagnose(
@@ -94,88 +78,14 @@ def diagnose(
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         declared = fit_declared(chain or default_chain(runs), runs, progress, pool)
-        branches = [_trusted(branch, asked) for branch in _branches(declared, asked, progress, pool)]
-        chosen = _chosen(branches, asked)
+        branches = branches_of(declared, asked, progress, pool)
+        chosen = chosen_of(branches, asked)
         progress("predicting")
         report = _report(runs, len(train), branches, chosen, asked, command, pool)
     if profile and chosen.final.effects:
         progress(f"intervals of {', '.join(chosen.final.effects)}")
         note_intervals(report, chosen.final)
     return dataclasses.replace(report, seconds=time.monotonic() - began)
-
-
-def _branches(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
-    """Searches on the declared base and, where that leaves something, on the flexible one.
-
-    Where that one leaves far less without an effect than the declared one with its best, the declared density is wrong:
-    more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
-    """
-    search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
-    steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
-    branch = Branch("gaussian", declared, tuple(steps))
-    if search.explains(steps, declared):
-        return [branch]
-    others = _on_others(declared, asked, progress, workers)
-    if any(search.explains(other.steps, other.base) or search.is_outdone(steps, other.base) for other in others):
-        return [branch, *others]
-    steps = search.continued([step for step in steps if step.accepted] or steps, declared)
-    if others[-1].steps:
-        steps = search.with_pair(steps, declared)  # two at once takes longest: so last
-    return [dataclasses.replace(branch, steps=tuple(steps)), *others]
-
-
-def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
-    """Where else the search for a first effect may start: without made-up histories, and at the values as declared."""
-    plain = without_histories(declared)
-    if plain is not None:
-        yield plain
-    yield fitted(declared.staged, declared.staged.start, most_steps=0)
-
-
-def _on_others(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
-    """The identified bases that are worth it, with the search on each that leaves something.
-
-    Relays that know no rate need no lattice beside them where they explain all. Where they leave hardly more than a
-    lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
-    """
-    search = Search(asked.on_flexible(), progress=progress, workers=workers)
-    rateless = fit_rate_independent(declared, progress)
-    if rateless is not None and search.at_floor(rateless):
-        return [Branch("identified", rateless, ())]
-    flexible = fit_flexible(declared, progress)
-    if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
-        return [Branch("identified", flexible, ())]
-    bases = [flexible]
-    if rateless is not None and rateless.total < asked.rateless * flexible.total:
-        bases.insert(0, rateless)
-    found: list[Branch] = []
-    for base in bases:
-        steps = search.with_pair(search.run(base), base)
-        found.append(Branch("identified", base, tuple(steps)))
-        if search.explains(steps, base):
-            break
-    return found
-
-
-def _trusted(branch: Branch, asked: Thresholds) -> Branch:
-    """The branch without its names where too much is left beside them."""
-    left = branch.final.fit.ratio
-    knows_no_rate = isinstance(branch.base.staged.ceramic, FlexiblePreisach)
-    if left <= (asked.rateless_nameable if knows_no_rate else asked.nameable):
-        return branch
-    but = f", but {left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
-    steps = [
-        dataclasses.replace(step, before=branch.base, accepted=(), tied=(), verdict=step.verdict + but)
-        for step in branch.steps
-    ]
-    return dataclasses.replace(branch, steps=tuple(steps))
-
-
-def _chosen(branches: Sequence[Branch], asked: Thresholds) -> Branch:
-    """The first that explains all, or the one with the least misfit."""
-    search = Search(asked)
-    explaining = [branch for branch in branches if search.explains(branch.steps, branch.base)]
-    return explaining[0] if explaining else min(branches, key=lambda branch: branch.final.total)
 
 
 def _report(

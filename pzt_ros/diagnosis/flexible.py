@@ -51,8 +51,8 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     progress("identifying the density")
     runs = declared.staged.runs
     starts = [declared.staged.ceramic.start_of(declared.vector, number) for number in range(len(runs))]
-    unknown = [bool(start.prior_voltages) or _begins_driven(run) for start, run in zip(starts, runs, strict=True)]
-    thickness, voltages, reached = _driven(declared)
+    unknown = [bool(start.prior_voltages) or begins_driven(run) for start, run in zip(starts, runs, strict=True)]
+    thickness, voltages, reached = driven(declared)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     found = fit.fit(*_parts(runs, voltages, unknown))
     base: Any = found.problem.base
@@ -67,17 +67,17 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
     known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
     flexible.start[:known] = found.vector[:known]
-    return _beside_the_rest(declared, flexible, found)
+    return _with_law(declared, flexible, found)
 
 
 def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
     """The same with the Preisach model; None where a run begins driven, so that it has a past."""
     runs = declared.staged.runs
-    if any(_begins_driven(run) for run in runs):
+    if any(begins_driven(run) for run in runs):
         return None
     progress("identifying a density that knows no rate")
     known = [False] * len(runs)
-    thickness, voltages, reached = _driven(declared)
+    thickness, voltages, reached = driven(declared)
     parts = _parts(runs, voltages, known)
     fit = IdentifiedFit(
         thickness, RESOLUTIONS, ROTATIONS, ORDERS, voltage_range=reached, base=RateIndependentHysteresis
@@ -93,10 +93,10 @@ def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis
     )
     plays.rotation_strength, plays.smoothness_strength = found.choices[0].rotation, fit.smoothness
     plays.start[:] = found.vector[: plays.shared]
-    return _beside_the_rest(declared, plays, found)
+    return _with_law(declared, plays, found)
 
 
-def _driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float]]:
+def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float]]:
     """Thickness of a layer [m], voltage at the ceramic in every run, the lowest and the highest [V]."""
     chain = declared.staged.chain_at(declared.vector)
     thickness = next(link.layer_thickness for link in chain.links if isinstance(link, Ferroelectric))
@@ -104,12 +104,18 @@ def _driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, floa
     return thickness, voltages, (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
 
 
-def _beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult) -> Hypothesis:
+def _with_law(declared: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult) -> Hypothesis:
     """An identified ceramic and its law beside what else the declared chain has, fitted together."""
     linear, quadratic, cubic = (float(coefficient) for coefficient in (*found.law, 0.0)[1:4])
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
+    staged, start = beside_the_rest(declared, ceramic, law, found.problem.order)
+    return exact(fitted(staged, start, most_steps=_STEPS))
+
+
+def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:
+    """A ceramic and a law, free up to an order, beside what else the declared chain has; where its fit may start."""
     placeholder = ceramic.link(ceramic.start)
-    coordinates = coordinates_of(law)[: found.problem.order]
+    coordinates = coordinates_of(law)[:order]
     kept = tuple(each for each in declared.staged.coordinates if each.kind != Electrostriction.kind)
     chain = declared.staged.chain_at(declared.vector)
     replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
@@ -117,7 +123,7 @@ def _beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, found: Identifie
     start = staged.start
     if kept:
         start[-len(kept) :] = declared.vector[-len(kept) :]
-    return exact(fitted(staged, start, most_steps=_STEPS))
+    return staged, start
 
 
 def _parts(
@@ -133,7 +139,7 @@ def _parts(
     return measured, [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks]
 
 
-def _begins_driven(run: RunData) -> bool:
+def begins_driven(run: RunData) -> bool:
     """Whether the voltage is up already at the first sample: the record then has a past."""
     voltage = run.record.voltage
     return abs(float(voltage[0])) > _AT_REST * float(np.max(np.abs(voltage)))

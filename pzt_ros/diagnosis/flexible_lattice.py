@@ -28,6 +28,7 @@ class FlexibleHysteresis(IdentifiedHysteresis):
     """
 
     far = math.inf  # how far the tangent is off depends on how far the search went
+    knows_no_rate = False
 
     _at: tuple[Array, list[Array], list[Array], list[Array]] | None = None
     """Where the tangent was taken: vector, voltages, polarizations, columns of every run."""

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
+from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
 from pzt_ros.sysid.run import Start
@@ -19,6 +20,7 @@ class FlexiblePreisach(RateIndependentHysteresis):
     """The rate-independent density as a `staged.Hysteresis`."""
 
     far = math.inf  # no misfit is so large that being exact does not count
+    knows_no_rate = Preisach.knows_no_rate
 
     def __init__(
         self,

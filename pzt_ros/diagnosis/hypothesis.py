@@ -109,6 +109,15 @@ class Hypothesis:
         """Mean square over both kinds of parts, each counted alike; what candidates are ranked by."""
         return self.fit.total / self.fit.samples + self.selection.total / max(self.selection.samples, 1)
 
+    def total_at(self, ratio: float) -> float:
+        """What `total` is of the same parts with so much of the noise left in each."""
+        return ratio**2 * (2.0 if self.selection.samples else 1.0)
+
+    @property
+    def excess(self) -> float:
+        """Of `total` over what the noise alone leaves; never so little that it could not be divided by."""
+        return max(self.total - self.total_at(1.0), 1e-4)
+
 
 def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_steps: int = 20) -> Hypothesis:
     """Fit a staged model from a start.

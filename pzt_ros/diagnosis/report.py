@@ -47,7 +47,7 @@ class Tried:
 
     Attributes:
         step: of the search, from 1.
-        base: density of the base that it was tried on, "gaussian" or "identified".
+        base: density of the base that it was tried on, "gaussian", "identified" or "none".
         name: of the effect.
         test_rms: with it [m]; NaN where it was not refitted.
         fit_gain, selection_gain: n_eff ln(before/after); NaN as above.

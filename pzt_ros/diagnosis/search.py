@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
-import numpy as np
-
-from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, exact, fitted
+from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of, share_of
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
+from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
@@ -21,104 +21,8 @@ from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
-_REFIT_STEPS = 12
-_LONG = 30  # steps more, for those that may win
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
-_POLISHES, _COMES_DOWN = 4, 0.995  # times that the best is taken on, and what has to be left of it each time at most
-_AT_BOUND = 1e-6  # of the way to the other bound
 _RIVAL = 0.6  # of the best one's gain
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An effect refitted with the base, against the hypothesis without it.
-
-    Attributes:
-        name: of the effect.
-        before, after: without and with it.
-    """
-
-    name: str
-    before: Hypothesis
-    after: Hypothesis
-
-    @property
-    def cause(self) -> str:
-        """Name as which it is reported; variants of an effect share it."""
-        return EFFECT_OF[self.name].reported
-
-    @property
-    def fit_gain(self) -> float:
-        """n_eff ln(before/after) on what was fitted [-]."""
-        return _gain(self.before.fit, self.after.fit)
-
-    @property
-    def selection_gain(self) -> float:
-        """The same on what chooses."""
-        return _gain(self.before.selection, self.after.selection)
-
-    @property
-    def fit_share(self) -> float:
-        """Of the excess over the noise, on what was fitted [-]."""
-        return _share(self.before.fit, self.after.fit)
-
-    @property
-    def selection_share(self) -> float:
-        """The same on what chooses; 1 where nothing chooses."""
-        return _share(self.before.selection, self.after.selection)
-
-    @property
-    def share(self) -> float:
-        """The smaller of both: an effect has to show itself where it was not fitted, too."""
-        return share_of(self.before, self.after)
-
-    @property
-    def size(self) -> float:
-        """Rms that it explains in units of the noise in the run where that is most, the smaller of both kinds."""
-        gained = [b**2 - a**2 for b, a in zip(self.before.ratios, self.after.ratios, strict=True)]
-        kinds = self.before.staged.fitted, self.before.choosing
-        return math.sqrt(max(0.0, min(max(gained[run] for run in kind) for kind in kinds if kind)))
-
-
-def share_of(before: Hypothesis, after: Hypothesis) -> float:
-    """Of the excess over the noise that is explained, the smaller of both kinds of parts [-]."""
-    return min(_share(before.fit, after.fit), _share(before.selection, after.selection))
-
-
-def _share(before: Misfit, after: Misfit) -> float:
-    return (before.total - after.total) / before.excess if before.samples else 1.0
-
-
-def _gain(before: Misfit, after: Misfit) -> float:
-    if not before.samples:
-        return math.inf
-    return after.effective * math.log(before.total / after.total)
-
-
-@dataclass(frozen=True)
-class Step:
-    """One round of the search.
-
-    Attributes:
-        before: the hypothesis that it started from.
-        candidates: refitted, the best first.
-        refused: why each effect that was not refitted was not, by name.
-        accepted: the effects added, none where the search ended.
-        tied: names any of which explains the residual as well, the winner first; empty where there is one answer.
-        verdict: why it was decided so.
-    """
-
-    before: Hypothesis
-    candidates: tuple[Candidate, ...]
-    refused: dict[str, str]
-    accepted: tuple[Candidate, ...]
-    tied: tuple[str, ...]
-    verdict: str
-
-    @property
-    def after(self) -> Hypothesis:
-        """Where the search goes on."""
-        return self.accepted[-1].after if self.accepted else self.before
 
 
 @dataclass
@@ -165,11 +69,11 @@ class Search:
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
         further = self.thresholds.further_promise if before.effects else 0.0
-        most = min(before.total - further * _excess(before), _total_of(before, self.thresholds.hopeless))
+        most = min(before.total - further * before.excess, before.total_at(self.thresholds.hopeless))
         candidates, refused = self._candidates(before, before, most)
         if not before.effects:
             candidates = self._from_elsewhere(before, candidates)
-        candidates = self._polished(candidates)
+        candidates = polished(candidates, self.thresholds, self.workers)
         sound = [c for c in candidates if self._is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
@@ -189,44 +93,8 @@ class Search:
             origin = next(origins, None)
             if origin is None:
                 break
-            candidates = _best_of_each((*candidates, *self._candidates(before, origin)[0]))
+            candidates = best_of_each((*candidates, *self._candidates(before, origin)[0]))
         return candidates
-
-    def _polished(self, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
-        """With the best taken on for as long as it comes down: what it leaves would make others look as good."""
-        if not candidates:
-            return candidates
-        best, *others = sorted(map(self._stiffened, candidates), key=lambda c: c.after.total)
-        tried = [best.after]
-        if self._is_polishable(best.after):
-            tried += _off_bounds(best.after)
-        return (replace(best, after=self._taken_on(min(tried, key=lambda found: found.total))), *others)
-
-    def _taken_on(self, found: Hypothesis) -> Hypothesis:
-        """Refitted for as long as it comes down."""
-        for _ in range(_POLISHES):
-            if not self._is_polishable(found):
-                break
-            after = _finished(found, True)
-            if after.total > _COMES_DOWN * found.total:
-                break
-            found = after
-        return found
-
-    def _stiffened(self, candidate: Candidate) -> Candidate:
-        """With a stronger prior on the density where that predicts better: alone, it had to bend for the effect."""
-        if candidate.fit_share < self.thresholds.share or not self._is_polishable(candidate.after):
-            return candidate
-        weak = candidate.after
-        tried = [candidate]
-        for ceramic in weak.staged.ceramic.stiffer():
-            held = fitted(replace(weak.staged, ceramic=ceramic), weak.vector, weak.effects, 0)
-            tried.append(replace(candidate, after=_finished(held, True)))
-        return min(tried, key=lambda c: c.after.total)
-
-    def _is_polishable(self, found: Hypothesis) -> bool:
-        asked = self.thresholds
-        return max(found.ratios) > asked.unpolished and found.fit.ratio <= asked.polishable
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
@@ -246,7 +114,7 @@ class Search:
 
     def is_outdone(self, steps: Sequence[Step], other: Hypothesis) -> bool:
         """Whether another base without an effect leaves far less beyond the noise than the search so far."""
-        return _excess(other) < self.thresholds.outdone * _excess(steps[-1].after)
+        return other.excess < self.thresholds.outdone * steps[-1].after.excess
 
     def at_floor(self, hypothesis: Hypothesis) -> bool:
         """Whether nothing is left in any run that would have to be explained."""
@@ -302,7 +170,7 @@ class Search:
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
         rivals = [rival for rival in _rivals(found) if self._is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
-        exacts = self.workers.map(_finished, [candidate.after for candidate in rivals], unfinished)
+        exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
         better = {rival.name: after for rival, after in zip(rivals, exacts, strict=True)}
         return [replace(candidate, after=better.get(candidate.name, candidate.after)) for candidate in found]
 
@@ -335,21 +203,21 @@ class Search:
         asked = self.thresholds.alike_tie if alike else self.thresholds.tie
         if winner.before.total - other.after.total < asked * gained:
             return False
-        decided = _gain(other.after.fit, winner.after.fit) > self.thresholds.decisive
+        decided = gain_of(other.after.fit, winner.after.fit) > self.thresholds.decisive
         if winner.before.selection.samples:
-            decided = decided and _gain(other.after.selection, winner.after.selection) > self.thresholds.decisive
+            decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
         return not (decided and self.at_floor(winner.after))
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
         law = with_free_law(winner.before)
-        return law is not None and self._taken_on(law).total - winner.after.total <= self.thresholds.law_tie
+        return law is not None and taken_on(law, self.thresholds).total - winner.after.total <= self.thresholds.law_tie
 
     def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Two effects neither of which explains enough alone; empty where no two do."""
         best: tuple[Candidate, ...] = ()
-        most = before.total - self.thresholds.pair_promise * _excess(before)
-        most = min(most, _total_of(before, self.thresholds.nameable))
+        most = before.total - self.thresholds.pair_promise * before.excess
+        most = min(most, before.total_at(self.thresholds.nameable))
         for first in sound[:2]:
             following = [c for c in self._candidates(first.after, first.after, most)[0] if self._is_significant(c)]
             if following:
@@ -362,37 +230,6 @@ class Search:
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
-
-
-def _finished(hypothesis: Hypothesis, further: bool) -> Hypothesis:
-    """Exact, and fitted further where it could have come further: what is left must not be taken for an effect."""
-    if further:
-        hypothesis = fitted(hypothesis.staged, hypothesis.vector, hypothesis.effects, _LONG)
-    return exact(hypothesis)
-
-
-def _off_bounds(found: Hypothesis) -> list[Hypothesis]:
-    """Refitted from the middle of what its last effect has at a bound: that may only be where the search began."""
-    staged = found.staged
-    own, kind = staged.ceramic.start.size, found.effects[-1]
-    low, high = staged.bounds
-    begin = found.vector.copy()
-    for place, each in enumerate(staged.coordinates, start=own):
-        room = _AT_BOUND * (high[place] - low[place])
-        at_bound = min(begin[place] - low[place], high[place] - begin[place]) < room
-        if each.kind == kind and not each.is_log and each.run is None and at_bound:
-            begin[place] = 0.5 * (low[place] + high[place])
-    if np.array_equal(begin, found.vector):
-        return []
-    return [_finished(fitted(staged, begin, found.effects, _REFIT_STEPS), True)]
-
-
-def _best_of_each(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Of each effect the refit that came out best, the best effect first."""
-    best: dict[str, Candidate] = {}
-    for candidate in sorted(candidates, key=lambda c: c.after.total):
-        best.setdefault(candidate.name, candidate)
-    return tuple(best.values())
 
 
 def _left(prospect: Prospect) -> float:
@@ -415,7 +252,7 @@ def _rivals(found: Sequence[Candidate]) -> list[Candidate]:
 
 def _fitted(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
     try:
-        return fitted(prospect.staged, prospect.best_start(), (*effects, prospect.effect.name), _REFIT_STEPS)
+        return fitted(prospect.staged, prospect.best_start(), (*effects, prospect.effect.name), REFIT_STEPS)
     except BenchError:
         return None
 
@@ -425,14 +262,4 @@ def _beside(effects: Sequence[str]) -> str:
 
 
 def _promise(before: Hypothesis, prospect: Prospect) -> float:
-    return max(before.total - prospect.total, 0.0) / _excess(before)
-
-
-def _excess(before: Hypothesis) -> float:
-    """Of the mean squares over the noise."""
-    return max(before.total - _total_of(before, 1.0), 1e-4)
-
-
-def _total_of(before: Hypothesis, ratio: float) -> float:
-    """`Hypothesis.total` of the same parts with so much of the noise left in each."""
-    return ratio**2 * (2.0 if before.selection.samples else 1.0)
+    return max(before.total - prospect.total, 0.0) / before.excess

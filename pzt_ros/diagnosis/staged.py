@@ -38,6 +38,8 @@ class Hysteresis(Protocol):
     upper: Array
     far: float
     """Rms over noise of a misfit beside which the approximation does not count."""
+    knows_no_rate: bool
+    """Whether P depends on the order of the voltages only."""
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         """P of each run [C/m^2, each shape (n,)]."""

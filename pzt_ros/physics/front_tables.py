@@ -31,7 +31,10 @@ _STEP = 0.5
 """Grid step over the narrower standard deviation: interpolation is then good to 1e-5."""
 
 MAX_POINTS = 384
-"""Along an axis; it bounds memory to 14 MB where one spread is far below the other."""
+"""Along an axis; it bounds a table to 28 MB where one spread is far below the other."""
+
+KEPT = 16
+"""Tables: for four candidates that are refitted side by side, each with what its differences ask for."""
 
 TRIANGLE, LOWER, UPPER = map(np.int64, range(3))
 """Which share: of the triangle, of its half below the line through the tip, of that above.
@@ -59,7 +62,7 @@ class Everett(NamedTuple):
     mean: float
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=KEPT)
 def everett(coercive: Density, interaction: Density) -> Everett:
     """Tabulate the Everett function of two independent densities; a spread below 2 steps of the grid is widened."""
     narrowest = min(_sigma(coercive), _sigma(interaction))

@@ -18,14 +18,14 @@ import numpy as np
 from numba import njit
 
 from pzt_ros.physics.density import ThresholdDensity
-from pzt_ros.physics.front_tables import LOWER, MAX_POINTS, TRIANGLE, Everett, beyond_diagonal, finished
+from pzt_ros.physics.front_tables import KEPT, LOWER, MAX_POINTS, TRIANGLE, Everett, beyond_diagonal, finished
 from pzt_ros.physics.signals import Array
 
 _FINER = 4
 """Steps of the table to a cell of the density: kinks then cost less than 1e-4 of x+."""
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=KEPT)
 def everett_of(density: ThresholdDensity) -> Everett:
     """Tabulate the Everett function of an identified density."""
     reach = max(abs(density.up_fields[-1]), abs(density.down_fields[0]))

@@ -37,6 +37,7 @@ class Preisach(Switching):
     """
 
     kind: ClassVar[str] = "preisach"
+    knows_no_rate: ClassVar[bool] = True
     _kernel: ClassVar[Any] = kernel
 
     susceptibility: float = parameter(1.7e-8, "C/(V*m)", "of what does not switch", symbol="1/E_1", bounds=(0.0, 1e-4))

@@ -16,6 +16,7 @@ import pytest
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose
 from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
 from pzt_ros.diagnosis.flexible import _parts
@@ -24,9 +25,10 @@ from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.page import write_page
+from pzt_ros.diagnosis.refinement import off_bounds
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Screen
-from pzt_ros.diagnosis.search import Candidate, Search, Step, _off_bounds
+from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
@@ -352,13 +354,13 @@ def test_a_shape_at_its_bound_is_tried_from_the_middle() -> None:
     screen, effect = Screen(base), EFFECT_OF["sensor_lag"]
     prospect = screen._prospect(effect, SensorLag(lag=3e-3, delay_share=0.0))
     held = fitted(prospect.staged, prospect.best_start(), ("sensor_lag",), 0)
-    (found,) = _off_bounds(held)
+    (found,) = off_bounds(held)
     assert found.total < held.total
     share = next(link for link in found.staged.chain_at(found.vector).links if isinstance(link, SensorLag)).delay_share
     assert share > 0.5
     inside = held.vector.copy()
     inside[-1] = 0.4
-    assert _off_bounds(fitted(prospect.staged, inside, ("sensor_lag",), 0)) == []
+    assert off_bounds(fitted(prospect.staged, inside, ("sensor_lag",), 0)) == []
 
 
 def test_coordinates_come_back_to_their_values() -> None:

@@ -12,9 +12,10 @@ import pytest
 from pzt_benchmarks.residual_court.cases import Spec, make_case
 from pzt_benchmarks.residual_court.files import write_case
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis.diagnose import Branch, _trusted, diagnose
+from pzt_ros.diagnosis.branches import Branch, _trusted
+from pzt_ros.diagnosis.candidates import Step
+from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
-from pzt_ros.diagnosis.search import Step
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.preisach import Preisach

@@ -1,0 +1,70 @@
+"""Elements that slip as the base: for stages whose hysteresis no density of relays describes.
+
+A Bouc-Wen model does not close its minor loops, so that it is outside the family of Preisach models, whatever their
+density; without a base that has this, what it does beyond them would hide every effect.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pzt_ros.diagnosis.coordinates import coordinate
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.flexible import begins_driven, beside_the_rest, driven
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.physics.bouc_wen import BoucWen
+from pzt_ros.physics.strain_law import StrainLaw
+from pzt_ros.sysid.run import Start
+
+_POLARIZATION = 0.2  # C/m^2 over the range of the field, where no run says
+_HEIGHTS = 0.02, 0.05  # of it
+_FIELDS = ((0.06, 0.3), (0.3, 1.0))
+"""Over which both begin to slip, in units of the range of the field; each pair begins a fit that lags, one that leads.
+"""
+
+_FREE = ("field_soft", "shape_soft", "field_hard", "shape_hard")
+_STEPS = 40
+
+
+def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
+    """Fit two elements that slip and a strain law in place of the declared ceramic and its strain.
+
+    Args:
+        declared: the fitted declared model; what else is in its chain stays.
+        progress: is told what is being done.
+
+    Returns:
+        The best of several fits; None where a run begins driven, so that it has a past.
+    """
+    runs = declared.staged.runs
+    if any(begins_driven(run) for run in runs):
+        return None
+    progress("fitting elements that slip")
+    starts = [(soft, hard, sign) for soft, hard in _FIELDS for sign in (1.0, -1.0)]
+    return min((_fitted_from(declared, *start) for start in starts), key=lambda found: found.total)
+
+
+def _fitted_from(declared: Hypothesis, soft: float, hard: float, sign: float) -> Hypothesis:
+    """The fit that begins with elements of given fields, in units of the range of the field, and of given sign."""
+    runs = declared.staged.runs
+    thickness, _, (low, high) = driven(declared)
+    span = (high - low) / thickness
+    first, later = (sign * share * _POLARIZATION for share in _HEIGHTS)
+    link = BoucWen(
+        layer_thickness=thickness,
+        susceptibility=_POLARIZATION / span,
+        height_soft=first,
+        field_soft=soft * span,
+        height_hard=later,
+        field_hard=hard * span,
+    )
+    coordinates = [coordinate(link, field) for field in _FREE]
+    coordinates += [coordinate(link, field, _POLARIZATION) for field in ("height_soft", "height_hard")]
+    coordinates.append(coordinate(link, "growth", 1.0 / span))
+    if any(run.has_polarization for run in runs):  # displacement alone cannot tell the scale of P from the law's
+        coordinates.append(coordinate(link, "susceptibility"))
+    ceramic = DeclaredHysteresis(link, link, coordinates, [run.record for run in runs], [Start() for _ in runs])
+    motion = max(float(np.ptp(run.record.displacement)) for run in runs)
+    staged, start = beside_the_rest(declared, ceramic, StrainLaw(linear=motion / _POLARIZATION, quadratic=0.0), 2)
+    return fitted(staged, start, most_steps=_STEPS)

@@ -1,0 +1,142 @@
+"""The search for effects on one base after another, and which of them is believed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pzt_ros.diagnosis.base import without_histories
+from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
+from pzt_ros.diagnosis.candidates import Step
+from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.parallel import Workers
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The search on one base.
+
+    Attributes:
+        density: of its relays: "gaussian" as declared, "identified" from the runs, "none" where it has no relays.
+        base: without an effect.
+        steps: of the search.
+    """
+
+    density: str
+    base: Hypothesis
+    steps: tuple[Step, ...]
+
+    @property
+    def final(self) -> Hypothesis:
+        """Where it ended."""
+        return self.steps[-1].after if self.steps else self.base
+
+
+def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+    """The searches on every base that was worth it, the declared one first, with the names that can be trusted."""
+    return [_trusted(branch, asked) for branch in _searched(declared, asked, progress, workers)]
+
+
+def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
+    """The first that explains all, or the one with the least misfit."""
+    explaining = [branch for branch in branches if _explain([branch], asked)]
+    return explaining[0] if explaining else min(branches, key=lambda branch: branch.final.total)
+
+
+def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+    """On the declared base and, where that leaves something, on others.
+
+    Where one of those leaves far less without an effect than the declared one with its best, the declared density is
+    wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
+    """
+    search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
+    others: list[Branch] = []
+    is_far = declared.fit.ratio > asked.reachable  # elements that slip are tried sooner than effects there
+    if is_far:
+        others = _on_elements(declared, asked, progress, workers)
+        if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
+            return [Branch("gaussian", declared, ()), *others]
+    steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
+    branch = Branch("gaussian", declared, tuple(steps))
+    if search.explains(steps, declared):
+        return [branch]
+    if not is_far:
+        others = _on_elements(declared, asked, progress, workers)
+    if not _explain(others, asked):
+        others += _on_relays(declared, asked, progress, workers)
+    if _explain(others, asked) or any(search.is_outdone(steps, other.base) for other in others):
+        return [branch, *others]
+    steps = search.continued([step for step in steps if step.accepted] or steps, declared)
+    if others[-1].steps:
+        steps = search.with_pair(steps, declared)  # two at once takes longest: so last
+    return [dataclasses.replace(branch, steps=tuple(steps)), *others]
+
+
+def _explain(branches: Sequence[Branch], asked: Thresholds) -> bool:
+    search = Search(asked)
+    return any(search.explains(branch.steps, branch.base) for branch in branches)
+
+
+def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
+    """Where else the search for a first effect may start: without made-up histories, and at the values as declared."""
+    plain = without_histories(declared)
+    if plain is not None:
+        yield plain
+    yield fitted(declared.staged, declared.staged.start, most_steps=0)
+
+
+def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+    """The search on elements that slip, where they leave far less than the declared base.
+
+    They have no density that could bend for an effect, so one as small as on the declared base may be named.
+    """
+    base = fit_bouc_wen(declared, progress)
+    if base is None or base.excess > asked.outdone * declared.excess:
+        return []
+    thresholds = dataclasses.replace(asked.on_flexible(), size=asked.size)
+    search = Search(thresholds, progress=progress, workers=workers)
+    return [Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))]
+
+
+def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+    """The identified densities that are worth it, with the search on each that leaves something.
+
+    Relays that know no rate need no lattice beside them where they explain all. Where they leave hardly more than a
+    lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
+    """
+    search = Search(asked.on_flexible(), progress=progress, workers=workers)
+    rateless = fit_rate_independent(declared, progress)
+    if rateless is not None and search.at_floor(rateless):
+        return [Branch("identified", rateless, ())]
+    flexible = fit_flexible(declared, progress)
+    if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
+        return [Branch("identified", flexible, ())]
+    bases = [flexible]
+    if rateless is not None and rateless.total < asked.rateless * flexible.total:
+        bases.insert(0, rateless)
+    found: list[Branch] = []
+    for base in bases:
+        steps = search.with_pair(search.run(base), base)
+        found.append(Branch("identified", base, tuple(steps)))
+        if search.explains(steps, base):
+            break
+    return found
+
+
+def _trusted(branch: Branch, asked: Thresholds) -> Branch:
+    """The branch without its names where too much is left beside them."""
+    left = branch.final.fit.ratio
+    knows_no_rate = branch.base.staged.ceramic.knows_no_rate
+    if left <= (asked.rateless_nameable if knows_no_rate else asked.nameable):
+        return branch
+    but = f", but {left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
+    steps = [
+        dataclasses.replace(step, before=branch.base, accepted=(), tied=(), verdict=step.verdict + but)
+        for step in branch.steps
+    ]
+    return dataclasses.replace(branch, steps=tuple(steps))

@@ -1,0 +1,80 @@
+"""Refits taken further: until they are exact, come down no more, leave a bound, or hold their density more firmly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import repeat
+
+import numpy as np
+
+from pzt_ros.diagnosis.candidates import Candidate
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.parallel import Workers
+
+REFIT_STEPS = 12
+_LONG = 30  # steps more, for those that may win
+_POLISHES, _COMES_DOWN = 4, 0.995  # times that the best is taken on, and what has to be left of it each time at most
+_AT_BOUND = 1e-6  # of the way to the other bound
+
+
+def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Workers) -> tuple[Candidate, ...]:
+    """With the best taken on for as long as it comes down: what it leaves would make others look as good."""
+    if not candidates:
+        return candidates
+    best, *others = sorted(workers.map(stiffened, candidates, repeat(asked)), key=lambda c: c.after.total)
+    tried = [best.after]
+    if _may_come_down(best.after, asked):
+        tried += off_bounds(best.after)
+    return (replace(best, after=taken_on(min(tried, key=lambda found: found.total), asked)), *others)
+
+
+def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:
+    """Refitted for as long as it comes down."""
+    for _ in range(_POLISHES):
+        if not _may_come_down(found, asked):
+            break
+        after = finished(found, True)
+        if after.total > _COMES_DOWN * found.total:
+            break
+        found = after
+    return found
+
+
+def stiffened(candidate: Candidate, asked: Thresholds) -> Candidate:
+    """With a stronger prior on the density where that predicts better: alone, it had to bend for the effect."""
+    if candidate.fit_share < asked.share or not _may_come_down(candidate.after, asked):
+        return candidate
+    weak = candidate.after
+    tried = [candidate]
+    for ceramic in weak.staged.ceramic.stiffer():
+        held = fitted(replace(weak.staged, ceramic=ceramic), weak.vector, weak.effects, 0)
+        tried.append(replace(candidate, after=finished(held, True)))
+    return min(tried, key=lambda c: c.after.total)
+
+
+def off_bounds(found: Hypothesis) -> list[Hypothesis]:
+    """Refitted from the middle of what its last effect has at a bound: that may only be where the search began."""
+    staged = found.staged
+    own, kind = staged.ceramic.start.size, found.effects[-1]
+    low, high = staged.bounds
+    begin = found.vector.copy()
+    for place, each in enumerate(staged.coordinates, start=own):
+        room = _AT_BOUND * (high[place] - low[place])
+        at_bound = min(begin[place] - low[place], high[place] - begin[place]) < room
+        if each.kind == kind and not each.is_log and each.run is None and at_bound:
+            begin[place] = 0.5 * (low[place] + high[place])
+    if np.array_equal(begin, found.vector):
+        return []
+    return [finished(fitted(staged, begin, found.effects, REFIT_STEPS), True)]
+
+
+def finished(found: Hypothesis, further: bool) -> Hypothesis:
+    """Exact, and fitted further where it could have come further: what is left must not be taken for an effect."""
+    if further:
+        found = fitted(found.staged, found.vector, found.effects, _LONG)
+    return exact(found)
+
+
+def _may_come_down(found: Hypothesis, asked: Thresholds) -> bool:
+    return max(found.ratios) > asked.unpolished and found.fit.ratio <= asked.polishable
