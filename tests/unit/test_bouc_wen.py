@@ -9,27 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from straight_legs import polarization, walk
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.bouc_wen import BoucWen
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array, Rest, Signals
-from pzt_ros.physics.switching import Switching
 
 turns = st.lists(st.floats(-150.0, 150.0), min_size=2, max_size=8)
 shapes = st.floats(0.5, 5.0)
 few = settings(max_examples=25, derandomize=True, deadline=None)
-
-
-def polarization(link: Switching, voltage: Array, interval: float = 1e-3) -> Array:
-    time = interval * np.arange(1, voltage.size + 1)
-    return link.step(link.init(Rest()), Signals(time, voltage))[1].polarization
-
-
-def walk(corners: list[float], samples: int = 40) -> Array:
-    """Straight from corner to corner, beginning at 0 V; every corner is the last of so many samples."""
-    legs = zip([0.0, *corners], corners, strict=False)
-    return np.concatenate([np.linspace(begin, end, samples + 1)[1:] for begin, end in legs])
 
 
 def integrated(link: BoucWen, corners: list[float]) -> float:

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from straight_legs import polarization, walk
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.preisach import Preisach
-from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.signals import Array, Rest
 from pzt_ros.sysid.identified_fit import IdentifiedFit
 from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.rate_independent import SUSCEPTIBILITY, RateIndependentHysteresis
@@ -19,17 +20,6 @@ from pzt_ros.sysid.rate_independent import SUSCEPTIBILITY, RateIndependentHyster
 THICKNESS = 1e-4
 turns = st.lists(st.floats(-150.0, 150.0), min_size=2, max_size=8)
 few = settings(max_examples=25, derandomize=True, deadline=None)
-
-
-def polarization(link: Preisach, voltage: Array, interval: float = 1e-3) -> Array:
-    time = interval * np.arange(1, voltage.size + 1)
-    return link.step(link.init(Rest()), Signals(time, voltage))[1].polarization
-
-
-def walk(corners: list[float], samples: int = 40) -> Array:
-    """Straight from corner to corner, beginning at 0 V; every corner is the last of so many samples."""
-    legs = zip([0.0, *corners], corners, strict=False)
-    return np.concatenate([np.linspace(begin, end, samples + 1)[1:] for begin, end in legs])
 
 
 def relay_by_relay(link: Preisach, voltage: Array, fine: int) -> Array:

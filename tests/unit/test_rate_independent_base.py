@@ -1,7 +1,8 @@
-"""What switches at any rate alike: diagnosed on the base that knows no rate, with runs of the court's sum of plays."""
+"""What answers at any rate alike: diagnosed on the bases that know no rate, with runs of the court's operators."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,8 @@ from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.parallel import IN_THIS_PROCESS
+from pzt_ros.physics.bouc_wen import BoucWen
+from pzt_ros.physics.link import Link
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.records import read_csv
 
@@ -50,15 +53,26 @@ def test_stronger_priors_leave_the_weaker_one_as_it_was() -> None:
     assert stiffest.stiffer() == []
 
 
-@pytest.mark.parametrize(("spec", "names"), [(NULL, []), (HUM, ["mains_hum"])], ids=["nothing hidden", "hum"])
-def test_a_sum_of_plays_comes_down_to_the_noise(spec: Spec, names: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("spec", "names", "link", "density"),
+    [
+        (NULL, [], Preisach, "identified"),
+        (HUM, ["mains_hum"], Preisach, "identified"),
+        (dataclasses.replace(NULL, family="bouc_wen"), [], BoucWen, "none"),
+        (dataclasses.replace(HUM, family="maxwell_slip"), ["mains_hum"], BoucWen, "none"),
+    ],
+    ids=["plays", "plays and hum", "one element that slips", "two that slip and hum"],
+)
+def test_what_knows_no_rate_comes_down_to_the_noise(
+    spec: Spec, names: list[str], link: type[Link], density: str, tmp_path: Path
+) -> None:
     files = write_case(make_case(spec), tmp_path)
     assert files.declared is not None
     train, test = ([read_csv(path) for path in paths] for paths in (files.train, files.test))
     report = diagnose(train, test, load_chain(files.declared), workers=IN_THIS_PROCESS)
     assert [effect.name for effect in report.effects] == names
-    assert report.base == {"model": Preisach.kind, "density": "identified"}
+    assert report.base == {"model": link.kind, "density": density}
     assert not report.remains.present
     assert report.after.score < 1.1 * report.noise
     report.save_data(tmp_path)
-    assert Preisach in [type(link) for link in load_chain(tmp_path / "model.yaml").links]
+    assert link in [type(each) for each in load_chain(tmp_path / "model.yaml").links]
