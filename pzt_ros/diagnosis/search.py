@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import repeat
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of, share_of
+from pzt_ros.diagnosis.elimination import law_in_question, second_alone
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
@@ -53,11 +54,20 @@ class Search:
         found = [*steps]
         while self._goes_on(found, base):
             found.append(self.step(found[-1].after))
-        return found
+        return self._weighed(found, base)
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""
-        return [*steps] if self.explains(steps, base) else [*steps[:-1], self._pair_step(steps[-1])]
+        if self.explains(steps, base):
+            return [*steps]
+        paired = self._pair_step(steps[-1])
+        return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired], base)
+
+    def _weighed(self, steps: list[Step], base: Hypothesis) -> list[Step]:
+        """The steps without what was only needed until all of them were there."""
+        if steps[-1].after.fit.ratio > self.thresholds.nameable:
+            return steps
+        return law_in_question(second_alone(steps, base, self.thresholds), self.thresholds)
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]
@@ -78,8 +88,8 @@ class Search:
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = sound[0]
-        if winner.share >= self.thresholds.share or (self.at_floor(winner.after) and not self.at_floor(before)):
-            tied = self._tied(winner, sound[1:])
+        if self._is_enough(winner):
+            tied = self._tied(winner, [c for c in candidates if c in sound[1:] or self._is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         verdict = (
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
@@ -187,6 +197,15 @@ class Search:
             and candidate.size > asked.size
         )
 
+    def _is_enough(self, winner: Candidate) -> bool:
+        """Whether it explains so much that it is named; beside one that it is taken for easily, nearly all of it."""
+        before, asked = winner.before, self.thresholds
+        if not before.effects:
+            return winner.share >= asked.share or (self.at_floor(winner.after) and not self.at_floor(before))
+        causes = [EFFECT_OF[name].reported for name in before.effects]
+        alike = any(frozenset((winner.cause, cause)) in CONFOUNDED for cause in causes)
+        return winner.share >= (asked.pair_share if alike else asked.share)
+
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
         alike = [other.name for other in others if other.cause != winner.cause and self._is_as_good(winner, other)]
@@ -197,10 +216,19 @@ class Search:
             alike.append(STRAIN_LAW)
         return (winner.name, *alike) if alike else ()
 
+    def _is_outvoted(self, winner: Candidate, other: Candidate) -> bool:
+        """Whether what chooses says little between the two: the winner has values of its own in each run there."""
+        confounded = frozenset((winner.cause, other.cause)) in CONFOUNDED
+        return confounded and bool(EFFECT_OF[winner.name].per_run) and other.fit_gain > self.thresholds.fit_gain
+
     def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:
         gained = winner.before.total - winner.after.total
         alike = not self.at_floor(winner.after) and frozenset((winner.cause, other.cause)) in CONFOUNDED
         asked = self.thresholds.alike_tie if alike else self.thresholds.tie
+        if self._is_outvoted(winner, other):
+            before, here, there = (found.fit for found in (winner.before, winner.after, other.after))
+            near = there.ratio <= self.thresholds.near_floor * here.ratio
+            return near and before.total - there.total >= asked * (before.total - here.total)
         if winner.before.total - other.after.total < asked * gained:
             return False
         decided = gain_of(other.after.fit, winner.after.fit) > self.thresholds.decisive

@@ -9,6 +9,8 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +21,11 @@ from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
+from pzt_ros.diagnosis.elimination import law_in_question, second_alone
 from pzt_ros.diagnosis.flexible import _parts
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.refinement import off_bounds
@@ -98,7 +101,10 @@ def run(seed: int, effect: str = "none", noise: float = NOISE) -> Record:
 
 
 def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
-    """The effects by other means than the library's."""
+    """The effects, one or `one+another`, by other means than the library's."""
+    if "+" in effect:
+        first, second = effect.split("+")
+        return reading(second, time, reading(first, time, y, seed), seed)
     if effect == "slow_relaxation":  # Kelvin and Voigt: a spring and a damper in series, by Euler's method, finely
         element = np.zeros_like(y)
         for k in range(1, y.size):
@@ -274,6 +280,57 @@ def test_a_curve_that_a_strain_law_explains_as_well_is_a_tie(effect: str, tied: 
     step = Search(effects=(EFFECT_OF["sensor_nonlinearity"],)).step(hypothesis(effect))
     assert [each.name for each in step.accepted] == ["sensor_nonlinearity"]
     assert step.tied == tied
+
+
+def found_in_turn(base: Hypothesis, *names: str) -> list[Step]:
+    """Steps in which effects were added whatever else would have been better."""
+    steps: list[Step] = []
+    for name in names:
+        before = steps[-1].after if steps else base
+        found = Search(effects=(EFFECT_OF[name],)).step(before).candidates[0]
+        steps.append(Step(before, (found,), {}, (found,), (), ""))
+    return steps
+
+
+def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_needed() -> None:
+    """A court case: a drift, which makes up for much, was named before the bias field that explained all."""
+    base = hypothesis("sensor_lag")
+    steps = found_in_turn(base, "mechanical_resonance", "sensor_lag")
+    (step,) = second_alone(steps, base, Thresholds())
+    assert [each.name for each in step.accepted] == ["sensor_lag"]
+    assert step.after.effects == ("sensor_lag",)
+    assert step.after.total < 1.05 * steps[-1].after.total
+    both = hypothesis("cubic_strain_law+mains_hum")
+    needed = found_in_turn(both, "sensor_nonlinearity", "mains_hum")
+    assert second_alone(needed, both, Thresholds()) == needed
+
+
+def test_a_curve_is_left_open_that_a_law_explains_beside_what_was_found_later() -> None:
+    """A court case: while a drift was missing neither explained enough to be a tie, and the curve was named."""
+    steps = found_in_turn(hypothesis("cubic_strain_law+mains_hum"), "sensor_nonlinearity", "mains_hum")
+    first, second = law_in_question(steps, Thresholds())
+    assert first.tied == ("sensor_nonlinearity", "strain_law")
+    assert second.tied == ()
+    waving = found_in_turn(hypothesis("waving_sensor+mains_hum"), "sensor_nonlinearity", "mains_hum")
+    assert law_in_question(waving, Thresholds()) == waving
+
+
+def misfitting(fit: float, selection: float) -> Any:
+    """What a candidate asks of a hypothesis, with so many times the noise left."""
+    parts = [Misfit(1000.0 * ratio**2, 1000, 1000.0) for ratio in (fit, selection)]
+    return SimpleNamespace(fit=parts[0], selection=parts[1], ratios=[fit, selection], total=fit**2 + selection**2)
+
+
+@pytest.mark.parametrize(("left", "tied"), [(1.05, True), (1.3, False)])
+def test_a_drift_is_not_put_first_by_values_of_its_own_where_nothing_was_fitted(left: float, tied: bool) -> None:
+    """A court case: a relaxation that described the fitted runs as well lost to a drift with a rate for every run."""
+    before = misfitting(2.0, 2.0)
+    drift = Candidate("thermal_drift", before, misfitting(1.02, 1.0))
+    relaxation = Candidate("slow_relaxation", before, misfitting(left, 3.0))
+    search = Search()
+    assert search._is_outvoted(drift, relaxation)
+    assert not search._is_outvoted(relaxation, drift)
+    assert search._is_as_good(drift, relaxation) is tied
 
 
 def test_a_freed_strain_law_keeps_what_else_is_sought() -> None:

@@ -1,0 +1,62 @@
+"""Effects taken out again: what one explained before others were found, these or the strain law may explain as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, taken_on
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
+from pzt_ros.effects.insert import without_effect
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
+
+_TWO = 2
+
+
+def without(found: Hypothesis, name: str) -> Hypothesis:
+    """Refitted without one of its effects, from where it is."""
+    staged = found.staged
+    own = staged.ceramic.start.size
+    kept = [place for place, each in enumerate(staged.coordinates) if each.kind != name]
+    plain = replace(
+        staged,
+        chain=without_effect(staged.chain, name),
+        coordinates=tuple(staged.coordinates[place] for place in kept),
+    )
+    start = np.concatenate((found.vector[:own], found.vector[own:][kept]))
+    others = tuple(each for each in found.effects if each != name)
+    return finished(fitted(plain, start, others, REFIT_STEPS), True)
+
+
+def second_alone(steps: list[Step], base: Hypothesis, asked: Thresholds) -> list[Step]:
+    """The steps, or one in their place with the second of two effects alone, where the first adds little beside it."""
+    final = steps[-1].after
+    if len(final.effects) != _TWO or any(step.tied for step in steps):
+        return steps
+    first, second = final.effects
+    alone = without(final, first)
+    if share_of(alone, final) >= asked.share:
+        return steps
+    candidate = Candidate(second, base, alone)
+    verdict = f"explains {candidate.share:.0%} of the excess, {first} hardly more beside it"
+    return [replace(steps[0], candidates=(candidate, *steps[0].candidates), accepted=(candidate,), verdict=verdict)]
+
+
+def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
+    """The steps, with a sensor's curve left open that a strain law explains as well beside the effects found later."""
+    final, curve = steps[-1].after, SensorNonlinearity.kind
+    named = [place for place, step in enumerate(steps) if curve in [each.name for each in step.accepted]]
+    if not named or steps[named[0]].tied or len(final.effects) < _TWO:
+        return steps
+    law = with_free_law(without(final, curve))
+    if law is None or taken_on(law, asked).total - final.total > asked.law_tie:
+        return steps
+    place = named[0]
+    parts = [replace(steps[place], candidates=(each,), accepted=(each,)) for each in steps[place].accepted]
+    parts[0] = replace(parts[0], candidates=steps[place].candidates)
+    opened = [replace(part, tied=(curve, STRAIN_LAW)) if part.accepted[0].name == curve else part for part in parts]
+    return [*steps[:place], *opened, *steps[place + 1 :]]
