@@ -13,12 +13,13 @@ from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.effects.insert import without_effect
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
+from pzt_ros.errors import BenchError
 
 _TWO = 2
 
 
-def without(found: Hypothesis, name: str) -> Hypothesis:
-    """Refitted without one of its effects, from where it is."""
+def without(found: Hypothesis, name: str) -> Hypothesis | None:
+    """Refitted without one of its effects, from where it is; None where the model cannot be evaluated there."""
     staged = found.staged
     own = staged.ceramic.start.size
     kept = [place for place, each in enumerate(staged.coordinates) if each.kind != name]
@@ -29,7 +30,10 @@ def without(found: Hypothesis, name: str) -> Hypothesis:
     )
     start = np.concatenate((found.vector[:own], found.vector[own:][kept]))
     others = tuple(each for each in found.effects if each != name)
-    return finished(fitted(plain, start, others, REFIT_STEPS), True)
+    try:
+        return finished(fitted(plain, start, others, REFIT_STEPS), True)
+    except BenchError:  # a drive that the effect kept within the range of a table may leave it
+        return None
 
 
 def second_alone(steps: list[Step], base: Hypothesis, asked: Thresholds) -> list[Step]:
@@ -39,7 +43,7 @@ def second_alone(steps: list[Step], base: Hypothesis, asked: Thresholds) -> list
         return steps
     first, second = final.effects
     alone = without(final, first)
-    if share_of(alone, final) >= asked.share:
+    if alone is None or share_of(alone, final) >= asked.share:
         return steps
     candidate = Candidate(second, base, alone)
     verdict = f"explains {candidate.share:.0%} of the excess, {first} hardly more beside it"
@@ -52,7 +56,8 @@ def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     named = [place for place, step in enumerate(steps) if curve in [each.name for each in step.accepted]]
     if not named or steps[named[0]].tied or len(final.effects) < _TWO:
         return steps
-    law = with_free_law(without(final, curve))
+    bare = without(final, curve)
+    law = None if bare is None else with_free_law(bare)
     if law is None or taken_on(law, asked).total - final.total > asked.law_tie:
         return steps
     place = named[0]
