@@ -98,7 +98,7 @@ def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, wo
     base = fit_bouc_wen(declared, progress)
     if base is None or base.excess > asked.outdone * declared.excess:
         return []
-    thresholds = dataclasses.replace(asked.on_flexible(), size=asked.size)
+    thresholds = dataclasses.replace(asked.on_flexible(), size=asked.size, selection_size=asked.selection_size)
     search = Search(thresholds, progress=progress, workers=workers)
     return [Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))]
 

@@ -54,11 +54,18 @@ class Candidate:
         return share_of(self.before, self.after)
 
     @property
-    def size(self) -> float:
-        """Rms that it explains in units of the noise in the run where that is most, the smaller of both kinds."""
-        gained = [b**2 - a**2 for b, a in zip(self.before.ratios, self.after.ratios, strict=True)]
-        kinds = self.before.staged.fitted, self.before.choosing
-        return math.sqrt(max(0.0, min(max(gained[run] for run in kind) for kind in kinds if kind)))
+    def fit_size(self) -> float:
+        """Rms that it explains in units of the noise, in the fitted run where that is most."""
+        return self._size(self.before.staged.fitted)
+
+    @property
+    def selection_size(self) -> float:
+        """The same on what chooses; infinite where nothing chooses."""
+        return self._size(self.before.choosing)
+
+    def _size(self, runs: Sequence[int]) -> float:
+        gained = [self.before.ratios[run] ** 2 - self.after.ratios[run] ** 2 for run in runs]
+        return math.sqrt(max(0.0, *gained)) if gained else math.inf
 
 
 def share_of(before: Hypothesis, after: Hypothesis) -> float:

@@ -194,7 +194,8 @@ class Search:
         return (
             candidate.fit_gain > asked.fit_gain
             and candidate.selection_gain > asked.selection_gain
-            and candidate.size > asked.size
+            and candidate.fit_size > asked.size
+            and candidate.selection_size > asked.selection_size
         )
 
     def _is_enough(self, winner: Candidate) -> bool:

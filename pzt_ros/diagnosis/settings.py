@@ -12,7 +12,8 @@ class Thresholds:
 
     Attributes:
         fit_gain, selection_gain: n_eff ln(before/after) of the squares, on what is fitted and on what chooses.
-        size: smallest rms that is looked for in a run, in units of the noise.
+        size: smallest rms that is looked for in a fitted run, in units of the noise.
+        selection_size: the same on what chooses, which may show less of an effect: there it need only be there.
         promise: fall of the mean square, in units of the noise, that the screen has to promise before a refit.
         further_promise: share of the excess that the screen has to promise of a second or further effect.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
@@ -53,6 +54,7 @@ class Thresholds:
     fit_gain: float = 25.0
     selection_gain: float = 10.0
     size: float = 0.1
+    selection_size: float = 0.05
     promise: float = 0.003
     further_promise: float = 0.1
     share: float = 0.5
@@ -99,6 +101,7 @@ class Thresholds:
             share=self.flexible_share,
             alike_tie=self.flexible_alike,
             size=self.flexible_size,
+            selection_size=self.flexible_size,
             hopeless=self.flexible_hopeless,
             finish_share=self.flexible_finish,
         )
