@@ -6,6 +6,8 @@ density; without a base that has this, what it does beyond them would hide every
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import coordinate
@@ -41,24 +43,26 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
     if any(begins_driven(run) for run in runs):
         return None
     progress("fitting elements that slip")
-    starts = [(soft, hard, sign) for soft, hard in _FIELDS for sign in (1.0, -1.0)]
-    return min((_fitted_from(declared, *start) for start in starts), key=lambda found: found.total)
-
-
-def _fitted_from(declared: Hypothesis, soft: float, hard: float, sign: float) -> Hypothesis:
-    """The fit that begins with elements of given fields, in units of the range of the field, and of given sign."""
-    runs = declared.staged.runs
     thickness, _, (low, high) = driven(declared)
     span = (high - low) / thickness
-    first, later = (sign * share * _POLARIZATION for share in _HEIGHTS)
-    link = BoucWen(
-        layer_thickness=thickness,
-        susceptibility=_POLARIZATION / span,
-        height_soft=first,
-        field_soft=soft * span,
-        height_hard=later,
-        field_hard=hard * span,
-    )
+    plain = BoucWen(layer_thickness=thickness, susceptibility=_POLARIZATION / span)
+    starts = [
+        replace(
+            plain,
+            field_soft=soft * span,
+            field_hard=hard * span,
+            height_soft=sign * _HEIGHTS[0] * _POLARIZATION,
+            height_hard=sign * _HEIGHTS[1] * _POLARIZATION,
+        )
+        for soft, hard in _FIELDS
+        for sign in (1.0, -1.0)
+    ]
+    return min((_fitted_from(declared, link, span) for link in starts), key=lambda found: found.total)
+
+
+def _fitted_from(declared: Hypothesis, link: BoucWen, span: float) -> Hypothesis:
+    """The fit that begins with given elements; the range of the field [V/m] scales how heights grow with it."""
+    runs = declared.staged.runs
     coordinates = [coordinate(link, field) for field in _FREE]
     coordinates += [coordinate(link, field, _POLARIZATION) for field in ("height_soft", "height_hard")]
     coordinates.append(coordinate(link, "growth", 1.0 / span))

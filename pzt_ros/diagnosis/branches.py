@@ -36,6 +36,10 @@ class Branch:
         """Where it ended."""
         return self.steps[-1].after if self.steps else self.base
 
+    def explains(self, asked: Thresholds) -> bool:
+        """Whether nothing is left that would have to be explained."""
+        return Search(asked).explains(self.steps, self.base)
+
 
 def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """The searches on every base that was worth it, the declared one first, with the names that can be trusted."""
@@ -44,7 +48,7 @@ def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, wor
 
 def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     """The first that explains all, or the one with the least misfit."""
-    explaining = [branch for branch in branches if _explain([branch], asked)]
+    explaining = [branch for branch in branches if branch.explains(asked)]
     return explaining[0] if explaining else min(branches, key=lambda branch: branch.final.total)
 
 
@@ -67,19 +71,14 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         return [branch]
     if not is_far:
         others = _on_elements(declared, asked, progress, workers)
-    if not _explain(others, asked):
+    if not any(other.explains(asked) for other in others):
         others += _on_relays(declared, asked, progress, workers)
-    if _explain(others, asked) or any(search.is_outdone(steps, other.base) for other in others):
+    if any(other.explains(asked) or search.is_outdone(steps, other.base) for other in others):
         return [branch, *others]
     steps = search.continued([step for step in steps if step.accepted] or steps, declared)
     if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
     return [dataclasses.replace(branch, steps=tuple(steps)), *others]
-
-
-def _explain(branches: Sequence[Branch], asked: Thresholds) -> bool:
-    search = Search(asked)
-    return any(search.explains(branch.steps, branch.base) for branch in branches)
 
 
 def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
@@ -91,15 +90,11 @@ def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
 
 
 def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
-    """The search on elements that slip, where they leave far less than the declared base.
-
-    They have no density that could bend for an effect, so one as small as on the declared base may be named.
-    """
+    """The search on elements that slip, where they leave far less than the declared base."""
     base = fit_bouc_wen(declared, progress)
     if base is None or base.excess > asked.outdone * declared.excess:
         return []
-    thresholds = dataclasses.replace(asked.on_flexible(), size=asked.size, selection_size=asked.selection_size)
-    search = Search(thresholds, progress=progress, workers=workers)
+    search = Search(asked.on_elements(), progress=progress, workers=workers)
     return [Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))]
 
 

@@ -10,7 +10,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit
 from pzt_ros.effects.table import EFFECT_OF
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # two of one effect are two refits, and what they hold are arrays
 class Candidate:
     """An effect refitted with the base, against the hypothesis without it.
 

@@ -15,8 +15,6 @@ from pzt_ros.effects.insert import without_effect
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.errors import BenchError
 
-_TWO = 2
-
 
 def without(found: Hypothesis, name: str) -> Hypothesis | None:
     """Refitted without one of its effects, from where it is; None where the model cannot be evaluated there."""
@@ -36,25 +34,26 @@ def without(found: Hypothesis, name: str) -> Hypothesis | None:
         return None
 
 
-def second_alone(steps: list[Step], base: Hypothesis, asked: Thresholds) -> list[Step]:
+def second_alone(steps: list[Step], asked: Thresholds) -> list[Step]:
     """The steps, or one in their place with the second of two effects alone, where the first adds little beside it."""
-    final = steps[-1].after
-    if len(final.effects) != _TWO or any(step.tied for step in steps):
+    begin, final = steps[0], steps[-1].after
+    first, *later = final.effects or ("",)
+    if len(later) != 1 or any(step.tied for step in steps):
         return steps
-    first, second = final.effects
     alone = without(final, first)
     if alone is None or share_of(alone, final) >= asked.share:
         return steps
-    candidate = Candidate(second, base, alone)
+    candidate = Candidate(later[0], begin.before, alone)
+    others = [each for each in begin.candidates if each.name != candidate.name]
     verdict = f"explains {candidate.share:.0%} of the excess, {first} hardly more beside it"
-    return [replace(steps[0], candidates=(candidate, *steps[0].candidates), accepted=(candidate,), verdict=verdict)]
+    return [replace(begin, candidates=(candidate, *others), accepted=(candidate,), verdict=verdict)]
 
 
 def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     """The steps, with a sensor's curve left open that a strain law explains as well beside the effects found later."""
     final, curve = steps[-1].after, SensorNonlinearity.kind
     named = [place for place, step in enumerate(steps) if curve in [each.name for each in step.accepted]]
-    if not named or steps[named[0]].tied or len(final.effects) < _TWO:
+    if not named or steps[named[0]].tied or final.effects == (curve,):
         return steps
     bare = without(final, curve)
     law = None if bare is None else with_free_law(bare)

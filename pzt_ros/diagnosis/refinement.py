@@ -22,11 +22,15 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     """With the best taken on for as long as it comes down: what it leaves would make others look as good."""
     if not candidates:
         return candidates
-    best, *others = sorted(workers.map(stiffened, candidates, repeat(asked)), key=lambda c: c.after.total)
-    tried = [best.after]
+    bent = [candidate for candidate in candidates if candidate.fit_share >= asked.share]
+    afters = workers.map(stiffened, [candidate.after for candidate in bent], repeat(asked))
+    held = {candidate.name: after for candidate, after in zip(bent, afters, strict=True)}
+    tried = (replace(candidate, after=held.get(candidate.name, candidate.after)) for candidate in candidates)
+    best, *others = sorted(tried, key=lambda c: c.after.total)
+    places = [best.after]
     if _may_come_down(best.after, asked):
-        tried += off_bounds(best.after)
-    return (replace(best, after=taken_on(min(tried, key=lambda found: found.total), asked)), *others)
+        places += off_bounds(best.after)
+    return (replace(best, after=taken_on(min(places, key=lambda found: found.total), asked)), *others)
 
 
 def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:
@@ -41,16 +45,13 @@ def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:
     return found
 
 
-def stiffened(candidate: Candidate, asked: Thresholds) -> Candidate:
-    """With a stronger prior on the density where that predicts better: alone, it had to bend for the effect."""
-    if candidate.fit_share < asked.share or not _may_come_down(candidate.after, asked):
-        return candidate
-    weak = candidate.after
-    tried = [candidate]
-    for ceramic in weak.staged.ceramic.stiffer():
+def stiffened(weak: Hypothesis, asked: Thresholds) -> Hypothesis:
+    """With a stronger prior on the density where that predicts better: without its effect, it had to bend for that."""
+    tried = [weak]
+    for ceramic in weak.staged.ceramic.stiffer() if _may_come_down(weak, asked) else ():
         held = fitted(replace(weak.staged, ceramic=ceramic), weak.vector, weak.effects, 0)
-        tried.append(replace(candidate, after=finished(held, True)))
-    return min(tried, key=lambda c: c.after.total)
+        tried.append(finished(held, True))
+    return min(tried, key=lambda found: found.total)
 
 
 def off_bounds(found: Hypothesis) -> list[Hypothesis]:

@@ -54,20 +54,20 @@ class Search:
         found = [*steps]
         while self._goes_on(found, base):
             found.append(self.step(found[-1].after))
-        return self._weighed(found, base)
+        return self._weighed(found)
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""
         if self.explains(steps, base):
             return [*steps]
         paired = self._pair_step(steps[-1])
-        return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired], base)
+        return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired])
 
-    def _weighed(self, steps: list[Step], base: Hypothesis) -> list[Step]:
+    def _weighed(self, steps: list[Step]) -> list[Step]:
         """The steps without what was only needed until all of them were there."""
         if steps[-1].after.fit.ratio > self.thresholds.nameable:
             return steps
-        return law_in_question(second_alone(steps, base, self.thresholds), self.thresholds)
+        return law_in_question(second_alone(steps, self.thresholds), self.thresholds)
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]

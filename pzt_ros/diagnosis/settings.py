@@ -105,3 +105,7 @@ class Thresholds:
             hopeless=self.flexible_hopeless,
             finish_share=self.flexible_finish,
         )
+
+    def on_elements(self) -> Thresholds:
+        """What is asked on elements that slip: no density of theirs can bend for an effect, so it may be small."""
+        return replace(self.on_flexible(), size=self.size, selection_size=self.selection_size)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from numba import njit
 
+from pzt_ros.physics.bracketing import NEWTON, narrowed
 from pzt_ros.physics.signals import Array
 
 TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
@@ -129,17 +130,12 @@ def run_inverse(state, elements, time, target, voltage, phase_fraction, limit, t
 
 @njit(cache=True, error_model="numpy")
 def _root(state, elements, target, field, widest, tolerance):  # type: ignore[no-untyped-def]
-    """Newton's steps; the middle of the bracket where they leave it, and at every fourth that it be halved at last."""
+    """The field that gives a target [V/m]; the bracket is halved from the trial NEWTON on."""
     low, high = -widest, widest
     for count in range(_MAX_TRIALS):
         found, steepness = _polarization(state, elements, field)
         miss = found - target
         if abs(miss) <= tolerance or high - low <= 1e-15 * widest:
             break
-        if miss < 0.0:
-            low = field
-        else:
-            high = field
-        step = field - miss / steepness if steepness > 0.0 else low
-        field = step if low < step < high and count % 4 != 3 else 0.5 * (low + high)
+        low, high, field = narrowed(low, high, field, miss, steepness, count >= NEWTON)
     return field

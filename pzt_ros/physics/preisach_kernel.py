@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pzt_ros.physics.bracketing import NEWTON, narrowed
 from pzt_ros.physics.signals import Array
 
 TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
@@ -171,31 +172,20 @@ def run_inverse(state, plays, time, target, voltage, phase_fraction, limit, tole
     """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
 
     P never falls with the field. A root is searched within +-limit [V]; where there is none, the limit is the answer.
-    Newton's steps, and bisection where they leave the bracket or do not halve it in three.
+    The bracket is halved from the trial NEWTON on.
     """
     total, widest = plays.below[:, -1].sum(), limit / plays.layer_thickness
     for k in range(time.size):
         if not (time[k] - state[TIME] >= 0.0 and math.isfinite(time[k])):
             return k
         field = state[VOLTAGE] / plays.layer_thickness
-        low, high, checked = -widest, widest, 4.0 * widest
+        low, high = -widest, widest
         switched, slope = _switched(state, plays, field)
         for count in range(_MAX_TRIALS if math.isfinite(target[k]) else 0):
             miss = _polarization(switched, total, field, plays) - target[k]
             if abs(miss) <= tolerance or high - low <= 1e-15 * widest:
                 break
-            if miss < 0.0:
-                low = field
-            else:
-                high = field
-            steepness = 2.0 * slope + plays.susceptibility
-            field = field - miss / steepness if steepness > 0.0 else low
-            stuck = not low < field < high
-            if count % 3 == 2:
-                stuck = stuck or high - low > 0.5 * checked
-                checked = high - low
-            if stuck:
-                field = 0.5 * (low + high)
+            low, high, field = narrowed(low, high, field, miss, 2.0 * slope + plays.susceptibility, count >= NEWTON)
             switched, slope = _switched(state, plays, field)
         state[SLOPE] = (2.0 * slope + plays.susceptibility) / plays.layer_thickness
         _go(state, plays, time[k], field)

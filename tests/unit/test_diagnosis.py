@@ -296,13 +296,21 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     """A court case: a drift, which makes up for much, was named before the bias field that explained all."""
     base = hypothesis("sensor_lag")
     steps = found_in_turn(base, "mechanical_resonance", "sensor_lag")
-    (step,) = second_alone(steps, base, Thresholds())
+    (step,) = second_alone(steps, Thresholds())
     assert [each.name for each in step.accepted] == ["sensor_lag"]
     assert step.after.effects == ("sensor_lag",)
     assert step.after.total < 1.05 * steps[-1].after.total
     both = hypothesis("cubic_strain_law+mains_hum")
     needed = found_in_turn(both, "sensor_nonlinearity", "mains_hum")
-    assert second_alone(needed, both, Thresholds()) == needed
+    assert second_alone(needed, Thresholds()) == needed
+
+
+def test_two_refits_of_one_effect_are_two_candidates() -> None:
+    """They were compared by what they hold, arrays, once an effect had been refitted again without another."""
+    base = hypothesis()
+    first, second = (Candidate("bias_field", base, dataclasses.replace(base)) for _ in range(2))
+    assert first in (second, first)
+    assert first not in (second,)
 
 
 def test_a_curve_is_left_open_that_a_law_explains_beside_what_was_found_later() -> None:
