@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pzt_ros.diagnosis.base import without_histories
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
-from pzt_ros.diagnosis.candidates import Step
+from pzt_ros.diagnosis.candidates import Step, share_of
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.search import Search
@@ -125,13 +125,22 @@ def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, work
 
 def _trusted(branch: Branch, asked: Thresholds) -> Branch:
     """The branch without its names where too much is left beside them."""
-    left = branch.final.fit.ratio
-    knows_no_rate = branch.base.staged.ceramic.knows_no_rate
-    if left <= (asked.rateless_nameable if knows_no_rate else asked.nameable):
+    if _may_be_named(branch, asked):
         return branch
+    left = branch.final.fit.ratio
     but = f", but {left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
     steps = [
         dataclasses.replace(step, before=branch.base, accepted=(), tied=(), verdict=step.verdict + but)
         for step in branch.steps
     ]
     return dataclasses.replace(branch, steps=tuple(steps))
+
+
+def _may_be_named(branch: Branch, asked: Thresholds) -> bool:
+    """Whether so little is left that a name is to be trusted; where two tie, neither is."""
+    left = branch.final.fit.ratio
+    knows_no_rate = branch.base.staged.ceramic.knows_no_rate
+    if left > (asked.rateless_nameable if knows_no_rate else asked.nameable):
+        return False
+    alone = any(step.accepted and not step.tied for step in branch.steps)
+    return left <= asked.doubtful or not alone or share_of(branch.base, branch.final) >= asked.pair_share

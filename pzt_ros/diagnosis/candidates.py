@@ -29,6 +29,11 @@ class Candidate:
         return EFFECT_OF[self.name].reported
 
     @property
+    def unknowns(self) -> int:
+        """Parameters of effects that were fitted."""
+        return len(self.after.staged.coordinates)
+
+    @property
     def fit_gain(self) -> float:
         """n_eff ln(before/after) on what was fitted [-]."""
         return gain_of(self.before.fit, self.after.fit)

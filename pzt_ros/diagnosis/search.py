@@ -87,14 +87,22 @@ class Search:
         sound = [c for c in candidates if self._is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
-        winner = sound[0]
+        winner = self._plainest(sound)
+        candidates = (winner, *(c for c in candidates if c.name != winner.name))
         if self._is_enough(winner):
-            tied = self._tied(winner, [c for c in candidates if c in sound[1:] or self._is_outvoted(winner, c)])
+            tied = self._tied(winner, [c for c in candidates if c in sound or self._is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         verdict = (
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
+
+    def _plainest(self, sound: Sequence[Candidate]) -> Candidate:
+        """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
+        best = sound[0]
+        fewer = [c for c in sound if c.cause == best.cause and c.unknowns < best.unknowns]
+        plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self._is_as_good(best, c)]
+        return min(plain, key=lambda c: c.unknowns, default=best)
 
     def _from_elsewhere(self, before: Hypothesis, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
         """The best refits of each effect, from the other origins, too, while none comes down to the noise."""

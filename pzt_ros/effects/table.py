@@ -21,6 +21,7 @@ from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.thermal_drift import ThermalDrift
+from pzt_ros.effects.thermal_expansion import ThermalExpansion
 
 _MODES = tuple(25.0 * 1.25**step for step in range(24))
 """Frequencies to look for a mode at [Hz], up to 4 kHz: at this damping one answers within a quarter of itself."""
@@ -167,6 +168,17 @@ EFFECTS: tuple[Effect, ...] = (
         linear=("rate", "expansion"),
         absence="a slow change of the displacement's zero, alike whatever the drive does",
         next_experiment="a rest at constant voltage as long as the run, or the same run with temperature_K recorded",
+    ),
+    Effect(
+        link=ThermalExpansion,
+        place=AT_SENSOR,
+        amplitude="expansion",
+        starts=_grid(expansion=(1e-10,)),
+        free=("expansion",),
+        needs=("temperature_K",),
+        variant_of=ThermalDrift.kind,
+        absence="a slow change of the displacement's zero that goes with the recorded temperature",
+        next_experiment="a rest at constant voltage while the temperature is changed by some kelvin",
     ),
     Effect(
         link=SensorNonlinearity,
