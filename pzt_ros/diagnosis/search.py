@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import repeat
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of, share_of
-from pzt_ros.diagnosis.elimination import law_in_question, second_alone
+from pzt_ros.diagnosis.elimination import law_in_question, second_alone, without
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
@@ -51,10 +51,39 @@ class Search:
 
     def continued(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The run that began with these steps."""
-        found = [*steps]
+        found = self._decided([*steps], base)
         while self._goes_on(found, base):
-            found.append(self.step(found[-1].after))
+            found = self._decided([*found, self.step(found[-1].after)], base)
         return self._weighed(found)
+
+    def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
+        """The steps, or one more where that explains what kept the last from being decided."""
+        last = steps[-1]
+        if not self._may_be_decided(last):
+            return steps
+        further = self.step(last.after)
+        if not further.accepted or further.tied or not self.explains([*steps, further], base):
+            return steps
+        name = last.accepted[-1].name
+        bare = without(further.after, name)
+        if bare is None:
+            return steps
+        winner, rivals = Candidate(name, bare, further.after), [self._refit_of(other, bare) for other in last.tied[1:]]
+        alike = [rival.name for rival in rivals if rival and self._is_as_good(winner, rival)]
+        return [*steps[:-1], replace(last, tied=(name, *alike) if alike else ()), further]
+
+    def _may_be_decided(self, step: Step) -> bool:
+        """Whether effects tie although the runs could tell them apart, beside something else that is left."""
+        near, far = self.thresholds.near_floor, self.thresholds.reachable
+        if not step.tied or STRAIN_LAW in step.tied or not near < step.after.fit.ratio <= far:
+            return False
+        blind = alike_by_design([run.record for run in step.before.staged.runs])
+        return not any(step.accepted[-1].cause in each.effects for each in blind)
+
+    def _refit_of(self, name: str, before: Hypothesis) -> Candidate | None:
+        """One effect beside what is in a hypothesis, taken as far as it comes; None where it does not start."""
+        found, _ = replace(self, effects=(EFFECT_OF[name],))._candidates(before, before)
+        return replace(found[0], after=taken_on(found[0].after, self.thresholds)) if found else None
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""

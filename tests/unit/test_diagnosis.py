@@ -306,6 +306,21 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     assert second_alone(needed, Thresholds()) == needed
 
 
+@pytest.mark.parametrize(
+    ("rival", "tied"), [("sensor_nonlinearity", ()), ("slow_relaxation", ("slow_relaxation", "slow_relaxation"))]
+)
+def test_a_tie_is_decided_once_what_was_left_beside_it_is_explained(rival: str, tied: tuple[str, ...]) -> None:
+    """A court case: a bias tied with a drift as long as a mode was missing, and the search ended there."""
+    base = hypothesis("slow_relaxation+mains_hum")
+    (first,) = found_in_turn(base, "slow_relaxation")
+    open_yet = dataclasses.replace(first, tied=("slow_relaxation", rival))
+    steps = Search(effects=(EFFECT_OF["mains_hum"],))._decided([open_yet], base)
+    assert [each.name for step in steps for each in step.accepted] == ["slow_relaxation", "mains_hum"]
+    assert steps[0].tied == tied
+    nothing_further = Search(effects=(EFFECT_OF["thermal_drift"],))
+    assert nothing_further._decided([open_yet], base) == [open_yet]
+
+
 def test_two_refits_of_one_effect_are_two_candidates() -> None:
     """They were compared by what they hold, arrays, once an effect had been refitted again without another."""
     base = hypothesis()
