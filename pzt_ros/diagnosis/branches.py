@@ -137,7 +137,7 @@ def _trusted(branch: Branch, asked: Thresholds) -> Branch:
 
 
 def _may_be_named(branch: Branch, asked: Thresholds) -> bool:
-    """Whether so little is left that a name is to be trusted; where two tie, neither is."""
+    """Whether what is left lets names be trusted; a tie claims less than a name, so less is asked of it."""
     left = branch.final.fit.ratio
     knows_no_rate = branch.base.staged.ceramic.knows_no_rate
     if left > (asked.rateless_nameable if knows_no_rate else asked.nameable):

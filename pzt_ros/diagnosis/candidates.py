@@ -30,7 +30,7 @@ class Candidate:
 
     @property
     def unknowns(self) -> int:
-        """Parameters of effects that were fitted."""
+        """How many parameters of effects were fitted, those of all runs together."""
         return len(self.after.staged.coordinates)
 
     @property
@@ -95,7 +95,7 @@ class Step:
 
     Attributes:
         before: the hypothesis that it started from.
-        candidates: refitted, the best first.
+        candidates: refitted, the accepted one first, then the best.
         refused: why each effect that was not refitted was not, by name.
         accepted: the effects added, none where the search ended.
         tied: names any of which explains the residual as well, the winner first; empty where there is one answer.

@@ -237,7 +237,9 @@ def _why(candidate: Candidate, step: Step) -> str:
     if candidate in step.accepted:
         return f"{shares}; {step.verdict}"
     if step.accepted:
-        return f"{shares}; {step.accepted[0].name} explains more"
+        first = step.accepted[0]
+        plainer = first.cause == candidate.cause and first.unknowns < candidate.unknowns
+        return f"{shares}; {first.name} explains {'as much with fewer unknowns' if plainer else 'more'}"
     return f"{shares}; {step.verdict}"
 
 

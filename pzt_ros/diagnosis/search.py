@@ -68,8 +68,8 @@ class Search:
         bare = without(further.after, name)
         if bare is None:
             return steps
-        winner, rivals = Candidate(name, bare, further.after), [self._refit_of(other, bare) for other in last.tied[1:]]
-        alike = [rival.name for rival in rivals if rival and self._is_as_good(winner, rival)]
+        winner = Candidate(name, bare, further.after)
+        alike = [other for other in last.tied[1:] if self._still_ties(winner, other)]
         return [*steps[:-1], replace(last, tied=(name, *alike) if alike else ()), further]
 
     def _may_be_decided(self, step: Step) -> bool:
@@ -80,10 +80,12 @@ class Search:
         blind = alike_by_design([run.record for run in step.before.staged.runs])
         return not any(step.accepted[-1].cause in each.effects for each in blind)
 
-    def _refit_of(self, name: str, before: Hypothesis) -> Candidate | None:
-        """One effect beside what is in a hypothesis, taken as far as it comes; None where it does not start."""
-        found, _ = replace(self, effects=(EFFECT_OF[name],))._candidates(before, before)
-        return replace(found[0], after=taken_on(found[0].after, self.thresholds)) if found else None
+    def _still_ties(self, winner: Candidate, name: str) -> bool:
+        """Whether an effect refitted in the winner's place is as good; a refit that fails does not rule it out."""
+        found, refused = replace(self, effects=(EFFECT_OF[name],))._candidates(winner.before, winner.before)
+        if not found:
+            return name not in refused  # or the screen saw next to nothing of it
+        return self._is_as_good(winner, replace(found[0], after=taken_on(found[0].after, self.thresholds)))
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""

@@ -18,7 +18,8 @@ class Thresholds:
         further_promise: share of the excess that the screen has to promise of a second or further effect.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
         half_share: that one of two effects has to explain alone.
-        pair_share: that two effects have to explain together where neither explains `share` alone.
+        pair_share: that two effects have to explain together where neither explains `share` alone; and one beside
+            another that it is easily taken for; and all names where much is left (`doubtful`).
         pair_promise: the same as the screen has to promise it, which sees along a line only.
         floor: rms over noise up to which nothing is left to explain.
         settled: the same up to which no refit from elsewhere is tried: a wrong effect may come down to 1.04.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -31,7 +32,7 @@ from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.refinement import off_bounds
 from pzt_ros.diagnosis.remains import remains_of
-from pzt_ros.diagnosis.screen import Screen
+from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
@@ -306,17 +307,25 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     assert second_alone(needed, Thresholds()) == needed
 
 
+class Unable(Search):
+    """Cannot refit a relaxation."""
+
+    def _refitted(self, before: Hypothesis, prospects: Sequence[Prospect]) -> list[Candidate]:
+        return super()._refitted(before, [each for each in prospects if each.effect.name != "slow_relaxation"])
+
+
 @pytest.mark.parametrize(
-    ("rival", "tied"), [("sensor_nonlinearity", ()), ("slow_relaxation", ("slow_relaxation", "slow_relaxation"))]
+    ("kind", "rival", "ties"),
+    [(Search, "sensor_nonlinearity", False), (Search, "slow_relaxation", True), (Unable, "slow_relaxation", True)],
 )
-def test_a_tie_is_decided_once_what_was_left_beside_it_is_explained(rival: str, tied: tuple[str, ...]) -> None:
+def test_a_tie_is_decided_once_what_was_left_beside_it_is_explained(kind: type[Search], rival: str, ties: bool) -> None:
     """A court case: a bias tied with a drift as long as a mode was missing, and the search ended there."""
     base = hypothesis("slow_relaxation+mains_hum")
     (first,) = found_in_turn(base, "slow_relaxation")
     open_yet = dataclasses.replace(first, tied=("slow_relaxation", rival))
-    steps = Search(effects=(EFFECT_OF["mains_hum"],))._decided([open_yet], base)
+    steps = kind(effects=(EFFECT_OF["mains_hum"],))._decided([open_yet], base)
     assert [each.name for step in steps for each in step.accepted] == ["slow_relaxation", "mains_hum"]
-    assert steps[0].tied == tied
+    assert steps[0].tied == (open_yet.tied if ties else ())
     nothing_further = Search(effects=(EFFECT_OF["thermal_drift"],))
     assert nothing_further._decided([open_yet], base) == [open_yet]
 
@@ -529,6 +538,9 @@ def test_a_drift_has_values_of_its_own_in_each_run_only_where_the_temperature_do
     assert effect.parameters["expansion"]["value"] == pytest.approx(1e-7, rel=0.05)
     assert [each.kind for each in effects_in(report.model)] == [link]
     assert [each.name for each in report.tried if each.accepted] == [link]
+    outdone = [each.why for each in report.tried if each.name == "thermal_drift" and not each.accepted]
+    assert all("thermal_expansion explains as much with fewer unknowns" in why for why in outdone)
+    assert len(outdone) == (link == "thermal_expansion")
 
 
 @pytest.mark.parametrize(("left", "tied", "named"), [(1.4, (), True), (2.0, (), False), (2.0, ("a", "b"), True)])
