@@ -36,7 +36,11 @@ TIME, VOLTAGE, SLOPE, HEAD = 0, 1, 2, 3
 
 _MAX_SUBSTEPS = 1e5
 _LONGEST_STEP = 0.5  # in units of d: beyond, the order of a method says nothing
-_NEVER = 1e-290  # keeps p/(p + q) defined for a frozen domain
+_NEVER = 1e-100
+"""[1/s]; added to every rate. It keeps p/(p + q) defined for a frozen domain, and all that follows from rates away from
+numbers below 1e-308, for which many processors take a hundred times as long."""
+
+_GONE = -200.0  # exp of it is as good as 0, and its products are no such small numbers either
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]; a hundred times what breaks a ceramic
 
@@ -94,15 +98,15 @@ def _substeps(el, climb, duration):  # type: ignore[no-untyped-def]
 def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
     """Both rate tables [1/s] at the field u [in units of d]."""
     for k in range(up.size):
-        up[k] = el.attempt_rate * switching_rate(u - el.forward[k])
-        down[k] = el.attempt_rate * switching_rate(el.backward[k] - u)
+        up[k] = el.attempt_rate * switching_rate(u - el.forward[k]) + _NEVER
+        down[k] = el.attempt_rate * switching_rate(el.backward[k] - u) + _NEVER
 
 
 @njit(**WITHIN, error_model="numpy", fastmath=True)
 def _fill_decay(decay, h, first, middle, last):  # type: ignore[no-untyped-def]
     """exp(- integral of a rate over the step) by Simpson's rule."""
     for k in range(decay.size):
-        decay[k] = exponential(-h / 6.0 * (first[k] + 4.0 * middle[k] + last[k]))
+        decay[k] = exponential(max(-h / 6.0 * (first[k] + 4.0 * middle[k] + last[k]), _GONE))
 
 
 @njit(**WITHIN, error_model="numpy")
@@ -140,7 +144,7 @@ def _midpoint(x, el, up, up_decay, down, down_decay):  # type: ignore[no-untyped
         q_decay = down_decay[i : i + columns]
         row = 0.0
         for j in range(columns):
-            xe = p[j] / (p[j] + q[j] + _NEVER)
+            xe = p[j] / (p[j] + q[j])
             moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
             moved = min(max(moved, 0.0), 1.0)
             r[j] = moved
@@ -160,11 +164,11 @@ def _collocation(x, el, h, up, up_decay, down, down_decay):  # type: ignore[no-u
         q0, qm, q1 = down[0][i : i + columns], down[1][i : i + columns], down[2][i : i + columns]
         p_decay, q_decay = up_decay[m : m + columns], down_decay[i : i + columns]
         for j in range(columns):
-            s0 = p0[j] + q0[j] + _NEVER
-            sm = pm[j] + qm[j] + _NEVER
-            s1 = p1[j] + q1[j] + _NEVER
+            s0 = p0[j] + q0[j]
+            sm = pm[j] + qm[j]
+            s1 = p1[j] + q1[j]
             x0, xm, x1 = p0[j] / s0, pm[j] / sm, p1[j] / s1
-            clock = h / 6.0 * (s0 + 4.0 * sm + s1) + 1e-300
+            clock = h / 6.0 * (s0 + 4.0 * sm + s1)
             decay = p_decay[j] * q_decay[j]
             # phi_2 = (exp(-clock) - 1 + clock)/clock^2: Taylor where this cancels; then phi_1 = (1 - exp(-clock))/clock
             c = min(clock, 0.5)
