@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.signals import Rest, Signals
@@ -20,7 +21,8 @@ def step_all(models: Sequence[Front], rest: Rest, signals: Signals, threads: int
     """
 
     def after(model: Front) -> Signals:
-        return model.step(model.init(rest), signals)[1]
+        brief = replace(model)  # its tables go with it: those of 1000 models take 400 MB, and a tenth of the time
+        return brief.step(brief.init(rest), signals)[1]
 
     if threads <= 1:
         yield from map(after, models)
