@@ -151,9 +151,11 @@ def _graph(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the way to 0 V is not left to itself
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         process.wait()
+        signal.signal(signal.SIGINT, before)
 
 
 def _domain_of(process: subprocess.Popen[bytes], folder: Path) -> int:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from fastapi import Response
@@ -49,6 +52,7 @@ def serve(
         ui.context.client.on_delete(lambda: board.listeners.remove(push))
 
     async def start() -> None:
+        _hear_once()
         for task in (feed.run(board), beside(board) if beside else None):
             if task is not None:
                 background_tasks.create(_seen_through(task, board))
@@ -75,6 +79,18 @@ ICON = (
     "<path d='M5 23C14 23 12 9 27 9C18 9 20 23 5 23' fill='none' stroke='#fff' stroke-width='2.6'/></svg>"
 )
 """A hysteresis loop."""
+
+
+def _hear_once() -> None:
+    """Ctrl-C pressed again while the server ends is ignored: it would leave out what the end consists of."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, partial(_ending, then=signal.getsignal(number)))
+
+
+def _ending(number: int, frame: FrameType | None, then: Any) -> None:
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, signal.SIG_IGN)  # until the server puts back what there was before it
+    then(number, frame)
 
 
 async def _seen_through(task: Any, board: Board) -> None:

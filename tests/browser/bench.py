@@ -46,7 +46,7 @@ def free_port() -> int:
 
 
 class PanelProcess:
-    """`pzt panel` with options, on a port of its own; ended with Ctrl-C, killed if that does not do."""
+    """`pzt panel` with options, on a port of its own; ended with Ctrl-C, pressed twice, killed if that does not do."""
 
     def __init__(self, folder: Path, *options: str) -> None:
         self.port = free_port()
@@ -71,6 +71,7 @@ class PanelProcess:
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
+            self.process.send_signal(signal.SIGINT)  # as the impatient do
         try:
             self.process.wait(30.0)
         except subprocess.TimeoutExpired:
