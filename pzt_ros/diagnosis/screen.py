@@ -30,6 +30,7 @@ _optimize: Any = optimize  # SciPy carries no types
 
 _SIMPLEX = 0.3  # of a coordinate: a third more or less of a time or a frequency
 _SHAPES = 30  # that are tried at most
+_FEW_SHAPES = 10  # the same where each costs a pass through the ceramic
 _SLOWEST = 10.0  # time constant over the longest run
 _SHARES = (1.0, 0.5, 0.2, 0.0)  # of the way to where the line leads, at which a refit may start
 _LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
@@ -81,8 +82,9 @@ class Screen:
         jacobian = np.vstack(hypothesis.jacobians)
         self._ahead = self._selection_jacobian()
         self._rows, _ = staged.prior
-        self._length = np.linalg.norm(jacobian, axis=0) + 1e-300
-        whole = np.vstack((jacobian / self._length, self._rows / self._length))
+        whole = np.vstack((jacobian, self._rows))  # what no run tells is known from the prior: both make a column long
+        self._length = np.linalg.norm(whole, axis=0) + 1e-300
+        whole /= self._length
         u, s, vt = np.linalg.svd(whole, full_matrices=False)
         sound = s > 1e-7 * s[0]
         self._q, self._back = u[:, sound], (vt[sound].T / s[sound])
@@ -113,12 +115,14 @@ class Screen:
     def refined(self, prospect: Prospect) -> Prospect:
         """The same effect in the shape that promises most, sought from the one given: a grid is too coarse.
 
-        Effects before the ceramic stay as they are: each of their shapes costs a pass through it.
+        Effects before the ceramic stay as they are: each of their shapes costs a pass through it. Not so limits: they
+        do nothing, or too much, but in a narrow range that is easily missed.
         """
         effect = prospect.effect
+        before = effect.place in (AT_COMMAND, AT_FIELD)
         added = prospect.staged.coordinates[len(self.hypothesis.staged.coordinates) :]
         shape = [each for each in added if each.run is None and (effect.limits or each.field not in effect.columns)]
-        if effect.place in (AT_COMMAND, AT_FIELD) or not shape:
+        if (before and not effect.limits) or not shape:
             return prospect
         tried = [prospect]
 
@@ -137,7 +141,7 @@ class Screen:
         ]
         options = {
             "initial_simplex": [first, *(first + np.diag(sides))],
-            "maxfev": _SHAPES,
+            "maxfev": _FEW_SHAPES if before else _SHAPES,
             "xatol": 0.01,
             "fatol": 1e-6,
         }

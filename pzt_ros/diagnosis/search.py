@@ -11,6 +11,7 @@ from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of,
 from pzt_ros.diagnosis.elimination import law_in_question, second_alone, without
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
+from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
@@ -123,10 +124,33 @@ class Search:
         if self._is_enough(winner):
             tied = self._tied(winner, [c for c in candidates if c in sound or self._is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
+        weighed = self._weighed_again(candidates)
+        if weighed and any(weighed[0].name == c.name for c in sound):
+            best, tied = weighed
+            winner = next(c for c in candidates if c.name == best.name)
+            candidates = (winner, *(c for c in candidates if c.name != winner.name))
+            verdict = f"explains {best.share:.0%} of what a density leaves that was fitted to what chose, too"
+            return Step(before, candidates, refused, (winner,), tied, verdict)
         verdict = (
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
+
+    def _weighed_again(self, candidates: Sequence[Candidate]) -> tuple[Candidate, tuple[str, ...]] | None:
+        """The best and what ties with it, on a density that was fitted to what chose, too; None where that is not
+        enough, either, or the base has no density that it would help.
+        """
+        asked = self.thresholds
+        worth = [c for c in candidates if c.fit_share >= asked.finish_share and c.fit_gain > asked.fit_gain]
+        most = max((c.fit_share for c in worth), default=0.0)
+        if most < asked.informed_share or worth[0].before.staged.ceramic.knows_no_rate:
+            return None
+        self.progress("weighing " + ", ".join(c.name for c in worth) + _beside(worth[0].before.effects))
+        best, *others = informed(worth, self.workers)
+        if best.share < asked.informed_share or not self._is_enough(best):
+            return None
+        near = [o for o in others if o.cause != best.cause and o.share >= asked.flexible_alike * best.share]
+        return best, self._beside(best, near)  # what nothing chose decides nothing between two that are nearly as good
 
     def _plainest(self, sound: Sequence[Candidate]) -> Candidate:
         """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
@@ -189,8 +213,9 @@ class Search:
                 prospects.append(prospect)
         prospects.sort(key=_left)
         near = self.thresholds.refits + _MORE
-        refined = [screen.refined(p) if self._is_worth(before, p) else p for p in prospects[:near]]
-        prospects = sorted(refined + prospects[near:], key=_left)
+        sought = [p.effect.limits or (n < near and self._is_worth(before, p)) for n, p in enumerate(prospects)]
+        prospects = [screen.refined(p) if wanted else p for p, wanted in zip(prospects, sought, strict=True)]
+        prospects.sort(key=_left)
         worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
         for prospect in prospects:
             if prospect not in worth[: self.thresholds.refits]:
@@ -226,7 +251,7 @@ class Search:
     def _is_worth_finishing(self, candidate: Candidate) -> bool:
         asked, left = self.thresholds, candidate.after.fit.ratio
         near = left <= max(asked.finishable, asked.much_less * candidate.before.fit.ratio)
-        return near and candidate.share >= asked.finish_share
+        return near and candidate.fit_share >= asked.finish_share
 
     def _is_significant(self, candidate: Candidate) -> bool:
         asked = self.thresholds
@@ -248,7 +273,11 @@ class Search:
 
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
-        alike = [other.name for other in others if other.cause != winner.cause and self._is_as_good(winner, other)]
+        return self._beside(winner, [o for o in others if o.cause != winner.cause and self._is_as_good(winner, o)])
+
+    def _beside(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
+        """The winner with others that are as good, and with what no fit to these runs could tell from it."""
+        alike = [other.name for other in others]
         known = {winner.cause, *(EFFECT_OF[name].reported for name in alike)}
         groups = [each.effects for each in alike_by_design([run.record for run in winner.before.staged.runs])]
         alike += sorted({name for group in groups if winner.cause in group for name in group} - known)

@@ -31,7 +31,7 @@ class Thresholds:
         hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
         finishable: rms over noise up to which a refit is made exact and goes on; beyond it no name would come of it,
         much_less: unless no more than this share of the misfit's rms is left: then the refit has not ended.
-        finish_share: share of the excess that it has to explain before.
+        finish_share: share of the excess that it has to explain before, where it was fitted.
         unpolished, polishable: rms over noise of a run from which, and of what was fitted up to which, the best refit
             is taken on for as long as it comes down. (From 1.05 on, a wrong strain law was named a sensor's curve.)
         reachable: the same up to which further effects are looked for beside one that was found.
@@ -50,6 +50,8 @@ class Thresholds:
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
         flexible_hopeless: as `hopeless`: that base is all but linear, so a screen is to be believed.
         flexible_finish: as `finish_share`: a refit is all but done after its first steps there.
+        informed_share: of the excess where it was fitted, and of what a density leaves that was fitted to what chose,
+            too, from which an effect is named that explains less where it was not fitted.
         flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
@@ -89,6 +91,7 @@ class Thresholds:
     most_effects: int = 4
     flexible_share: float = 0.6
     flexible_size: float = 0.4
+    informed_share: float = math.inf
     flexible_remains: float = 1.10
     flexible_hopeless: float = 8.0
     flexible_finish: float = 0.25
@@ -107,8 +110,9 @@ class Thresholds:
             selection_size=self.flexible_size,
             hopeless=self.flexible_hopeless,
             finish_share=self.flexible_finish,
+            informed_share=self.flexible_share,
         )
 
     def on_elements(self) -> Thresholds:
         """What is asked on elements that slip: no density of theirs can bend for an effect, so it may be small."""
-        return replace(self.on_flexible(), size=self.size, selection_size=self.selection_size)
+        return replace(self.on_flexible(), size=self.size, selection_size=self.selection_size, informed_share=math.inf)

@@ -30,3 +30,10 @@ def stiffer_of(ceramic: _Held) -> Iterator[_Held]:
             found = copy.copy(ceramic)
             found.rotation_strength = strength
             yield found
+
+
+def held_as(ceramic: _Held, other: Held) -> _Held:
+    """A copy held as firmly as another."""
+    found = copy.copy(ceramic)
+    found.rotation_strength = other.rotation_strength
+    return found
