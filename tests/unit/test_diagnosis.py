@@ -6,12 +6,14 @@ formulas of this file's own, not by the library's links.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
+from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.refinement import off_bounds
 from pzt_ros.diagnosis.remains import remains_of
@@ -40,6 +43,7 @@ from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.effects.insert import effects_in, with_effect
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
+from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -118,6 +122,12 @@ def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
         return y + 25e-9 * np.sin(2.0 * np.pi * 50.0 * time + seed)
     if effect == "cubic_strain_law":  # y goes with P^2, and P stays positive once poled
         return y + 0.03 * np.sign(y) * np.abs(y) ** 1.5 / np.sqrt(np.max(y))
+    if effect == "charge_limit":  # y goes with P^2; P follows at 5 times its highest value in a second at most
+        limited = np.sqrt(y - y.min())
+        most = 5.0 * float(np.max(limited)) / RATE
+        for k in range(1, limited.size):
+            limited[k] = limited[k - 1] + min(max(limited[k] - limited[k - 1], -most), most)
+        return np.square(limited) + y.min()
     if effect == "waving_sensor":
         return y + 60e-9 * np.sin(2.0 * np.pi * y / np.max(y))
     if effect == "backlash":  # not in the library
@@ -436,6 +446,92 @@ def test_screen_puts_the_effect_that_is_there_among_the_first(name: str) -> None
     found = {effect.name: screen.best(effect) for effect in EFFECTS if not effect.needs}
     totals = {key: prospect.total for key, prospect in found.items() if prospect is not None}
     assert name in sorted(totals, key=lambda key: totals[key])[:3]
+
+
+def test_a_limit_is_sought_between_the_points_of_its_grid() -> None:
+    """A court case: at one point of the grid it did nothing yet, at the next one far too much."""
+    base, effect = hypothesis("charge_limit"), EFFECT_OF["amplifier_charge_limit"]
+    screen = Screen(base)
+    coarse = screen.best(effect)
+    assert coarse is not None
+    assert base.total - screen.refined(coarse).total > 2.0 * (base.total - coarse.total)
+    (found,) = Search(effects=(effect,)).step(base).accepted
+    assert found.after.fit.ratio < 0.5 * base.fit.ratio
+
+
+def test_limits_are_sought_whatever_their_grid_promises(monkeypatch: pytest.MonkeyPatch) -> None:
+    sought: list[str] = []
+
+    def refined(_screen: Screen, prospect: Prospect) -> Prospect:
+        sought.append(prospect.effect.name)
+        return prospect
+
+    monkeypatch.setattr(Screen, "refined", refined)
+    monkeypatch.setattr(Search, "_refitted", lambda *_: [])
+    Search(Thresholds(refits=0, promise=math.inf)).step(hypothesis())
+    assert sorted(sought) == ["amplifier_charge_limit", "amplifier_current_limit"]
+
+
+def test_what_no_run_tells_leaves_the_base_its_directions_in_the_screen() -> None:
+    """Known from the prior alone, it had a length of 0, and everything else was nothing beside it."""
+    rng = np.random.default_rng(0)
+    told = rng.standard_normal((50, 3))
+    silent = np.hstack((told, np.zeros((50, 1))))
+    rows = np.array([[0.0, 0.0, 0.0, 1.0]])
+    runs = [None]
+    staged = SimpleNamespace(fitted=[0], runs=runs, prior=(rows, np.zeros(1)), outputs=lambda *_: [], start=np.zeros(4))
+    residual = told @ np.ones(3)
+    solution = SimpleNamespace(residuals=[residual])
+    base: Any = SimpleNamespace(
+        staged=staged, choosing=[], solution=solution, jacobians=[silent], vector=np.zeros(4), selection_residuals=[]
+    )
+    assert np.linalg.norm(Screen(base)._rest) < 1e-9 * np.linalg.norm(residual)
+
+
+def test_an_effect_is_weighed_on_a_density_that_was_fitted_to_what_chose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A court case: a lag that explained most where it was fitted, beside a density that predicted badly elsewhere."""
+    before, wandering = misfitting(2.0, 3.0), misfitting(1.1, 2.9)
+    before.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False), runs=[])
+    before.effects = wandering.effects = ()
+    lag, mode = (Candidate(name, before, wandering) for name in ("sensor_lag", "mechanical_resonance"))
+    left = {"sensor_lag": 1.1, "mechanical_resonance": 1.2}
+
+    def weighed(candidates: Sequence[Candidate], _workers: object) -> list[Candidate]:
+        bare, *afters = (misfitting(ratio, 0.0) for ratio in (2.0, *(left[each.name] for each in candidates)))
+        for each in (bare, *afters):
+            each.selection, each.ratios = Misfit(0.0, 0, 0.0), each.ratios[:1]
+        bare.staged, bare.effects = before.staged, ()
+        pairs = zip(candidates, afters, strict=True)
+        return [dataclasses.replace(each, before=bare, after=after) for each, after in pairs]
+
+    monkeypatch.setattr("pzt_ros.diagnosis.search.informed", weighed)
+    monkeypatch.setattr("pzt_ros.diagnosis.search.alike_by_design", lambda _records: [])
+    search = Search(Thresholds().on_flexible())
+    found = search._weighed_again([lag, mode])
+    assert found is not None
+    assert found[1] == ("sensor_lag", "mechanical_resonance")
+    left["mechanical_resonance"] = 1.6
+    assert search._weighed_again([lag, mode])[1] == ()  # type: ignore[index]
+    left["sensor_lag"] = 1.5
+    assert search._weighed_again([lag, mode]) is None
+    left["sensor_lag"] = 1.1
+    assert Search()._weighed_again([lag, mode]) is None  # a declared density is no better for it
+    before.staged.ceramic.knows_no_rate = True
+    assert search._weighed_again([lag, mode]) is None
+
+
+def test_candidates_weighed_again_are_fitted_to_all_and_held_alike() -> None:
+    base = hypothesis("sensor_lag")
+    found = found_in_turn(base, "sensor_lag")[0].accepted[0]
+    firm, loose = copy.copy(base.staged.ceramic), cast(Any, base.staged.ceramic)
+    cast(Any, firm).rotation_strength, loose.rotation_strength = 100.0, 1.0
+    after = dataclasses.replace(found.after, staged=dataclasses.replace(found.after.staged, ceramic=firm))
+    lag, same = informed([found, dataclasses.replace(found, after=after)], IN_THIS_PROCESS)
+    assert not lag.before.choosing
+    assert lag.before.fit.samples == base.fit.samples + base.selection.samples
+    assert lag.share > 0.9
+    assert lag.after.total == same.after.total
+    assert cast(Any, same.after.staged.ceramic).rotation_strength == 1.0
 
 
 def test_a_shape_at_its_bound_is_tried_from_the_middle() -> None:
