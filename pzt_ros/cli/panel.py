@@ -151,11 +151,21 @@ def _graph(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the way to 0 V is not left to itself
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        process.wait()
-        signal.signal(signal.SIGINT, before)
+        with _undisturbed():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            process.wait()
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Ctrl-C or SIGTERM once more is ignored: the way to 0 V is not left to itself."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _domain_of(process: subprocess.Popen[bytes], folder: Path) -> int:

@@ -111,14 +111,14 @@ def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     flexible = fit_flexible(declared, progress)
     if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
         return [Branch("identified", flexible, ())]
-    bases = [flexible]
+    bases = [(flexible, dataclasses.replace(search, thresholds=asked.on_lattice()))]
     if rateless is not None and rateless.total < asked.rateless * flexible.total:
-        bases.insert(0, rateless)
+        bases.insert(0, (rateless, search))
     found: list[Branch] = []
-    for base in bases:
-        steps = search.with_pair(search.run(base), base)
+    for base, its_search in bases:
+        steps = its_search.with_pair(its_search.run(base), base)
         found.append(Branch("identified", base, tuple(steps)))
-        if search.explains(steps, base):
+        if its_search.explains(steps, base):
             break
     return found
 

@@ -14,7 +14,7 @@ from typing import Any
 from pzt_ros.diagnosis.candidates import Candidate
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.hypothesis import Hypothesis
-from pzt_ros.diagnosis.stiffer import held_as
+from pzt_ros.diagnosis.stiffer import held_by
 from pzt_ros.parallel import Workers
 
 
@@ -28,7 +28,6 @@ def informed(candidates: Sequence[Candidate], workers: Workers) -> list[Candidat
 
 def _held_alike(found: Hypothesis, base: Hypothesis) -> Hypothesis:
     """With the prior of the base on its density: a candidate may have got a stronger one, and would explain less."""
-    theirs: Any = found.staged.ceramic
+    theirs: Any = found.staged.ceramic  # `Hysteresis` says nothing of priors: few have one
     ours: Any = base.staged.ceramic
-    ceramic = held_as(theirs, ours)
-    return replace(found, staged=replace(found.staged, ceramic=ceramic))
+    return replace(found, staged=replace(found.staged, ceramic=held_by(theirs, ours.rotation_strength)))

@@ -119,10 +119,10 @@ class Screen:
         do nothing, or too much, but in a narrow range that is easily missed.
         """
         effect = prospect.effect
-        before = effect.place in (AT_COMMAND, AT_FIELD)
+        is_slow = effect.place in (AT_COMMAND, AT_FIELD)
         added = prospect.staged.coordinates[len(self.hypothesis.staged.coordinates) :]
         shape = [each for each in added if each.run is None and (effect.limits or each.field not in effect.columns)]
-        if (before and not effect.limits) or not shape:
+        if (is_slow and not effect.limits) or not shape:
             return prospect
         tried = [prospect]
 
@@ -141,7 +141,7 @@ class Screen:
         ]
         options = {
             "initial_simplex": [first, *(first + np.diag(sides))],
-            "maxfev": _FEW_SHAPES if before else _SHAPES,
+            "maxfev": _FEW_SHAPES if is_slow else _SHAPES,
             "xatol": 0.01,
             "fatol": 1e-6,
         }

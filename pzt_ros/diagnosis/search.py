@@ -120,37 +120,38 @@ class Search:
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = self._plainest(sound)
-        candidates = (winner, *(c for c in candidates if c.name != winner.name))
+        candidates = _headed_by(winner, candidates)
         if self._is_enough(winner):
             tied = self._tied(winner, [c for c in candidates if c in sound or self._is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
-        weighed = self._weighed_again(candidates)
-        if weighed and any(weighed[0].name == c.name for c in sound):
-            best, tied = weighed
-            winner = next(c for c in candidates if c.name == best.name)
-            candidates = (winner, *(c for c in candidates if c.name != winner.name))
-            verdict = f"explains {best.share:.0%} of what a density leaves that was fitted to what chose, too"
-            return Step(before, candidates, refused, (winner,), tied, verdict)
+        known = self._informed(candidates, sound)
+        if known:
+            best, tied, verdict = known
+            return Step(before, _headed_by(best, candidates), refused, (best,), tied, verdict)
         verdict = (
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
 
-    def _weighed_again(self, candidates: Sequence[Candidate]) -> tuple[Candidate, tuple[str, ...]] | None:
-        """The best and what ties with it, on a density that was fitted to what chose, too; None where that is not
-        enough, either, or the base has no density that it would help.
+    def _informed(
+        self, candidates: Sequence[Candidate], sound: Sequence[Candidate]
+    ) -> tuple[Candidate, tuple[str, ...], str] | None:
+        """The sound one that is best on a density fitted to what chose, too, what ties with it, and why; None where it
+        does not explain enough there, either.
         """
         asked = self.thresholds
         worth = [c for c in candidates if c.fit_share >= asked.finish_share and c.fit_gain > asked.fit_gain]
-        most = max((c.fit_share for c in worth), default=0.0)
-        if most < asked.informed_share or worth[0].before.staged.ceramic.knows_no_rate:
+        if max((c.fit_share for c in worth), default=0.0) < asked.informed_share:
             return None
         self.progress("weighing " + ", ".join(c.name for c in worth) + _beside(worth[0].before.effects))
         best, *others = informed(worth, self.workers)
-        if best.share < asked.informed_share or not self._is_enough(best):
+        winner = next((c for c in sound if c.name == best.name), None)
+        if winner is None or best.share < asked.informed_share or not self._is_enough(best):
             return None
+        # nothing is left that chooses, so nothing decides between two that are nearly as good
         near = [o for o in others if o.cause != best.cause and o.share >= asked.flexible_alike * best.share]
-        return best, self._beside(best, near)  # what nothing chose decides nothing between two that are nearly as good
+        verdict = f"explains {best.share:.0%} of what a density leaves that was fitted to what chose, too"
+        return winner, self._group(best, near), verdict
 
     def _plainest(self, sound: Sequence[Candidate]) -> Candidate:
         """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
@@ -273,10 +274,10 @@ class Search:
 
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
-        return self._beside(winner, [o for o in others if o.cause != winner.cause and self._is_as_good(winner, o)])
+        return self._group(winner, [o for o in others if o.cause != winner.cause and self._is_as_good(winner, o)])
 
-    def _beside(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
-        """The winner with others that are as good, and with what no fit to these runs could tell from it."""
+    def _group(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
+        """The winner with those that are as good, and with what no fit to these runs could tell from it, if any."""
         alike = [other.name for other in others]
         known = {winner.cause, *(EFFECT_OF[name].reported for name in alike)}
         groups = [each.effects for each in alike_by_design([run.record for run in winner.before.staged.runs])]
@@ -327,6 +328,10 @@ class Search:
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
+
+
+def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    return (winner, *(each for each in candidates if each.name != winner.name))
 
 
 def _left(prospect: Prospect) -> float:

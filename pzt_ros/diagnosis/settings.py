@@ -110,9 +110,12 @@ class Thresholds:
             selection_size=self.flexible_size,
             hopeless=self.flexible_hopeless,
             finish_share=self.flexible_finish,
-            informed_share=self.flexible_share,
         )
+
+    def on_lattice(self) -> Thresholds:
+        """The same where the flexible base is a lattice: what its density is off by must not hide an effect."""
+        return replace(self.on_flexible(), informed_share=self.flexible_share)
 
     def on_elements(self) -> Thresholds:
         """What is asked on elements that slip: no density of theirs can bend for an effect, so it may be small."""
-        return replace(self.on_flexible(), size=self.size, selection_size=self.selection_size, informed_share=math.inf)
+        return replace(self.on_flexible(), size=self.size, selection_size=self.selection_size)

@@ -27,13 +27,11 @@ def stiffer_of(ceramic: _Held) -> Iterator[_Held]:
     """Copies with a density that is more even along constant coercive field."""
     for strength in STRENGTHS:
         if strength > ceramic.rotation_strength:
-            found = copy.copy(ceramic)
-            found.rotation_strength = strength
-            yield found
+            yield held_by(ceramic, strength)
 
 
-def held_as(ceramic: _Held, other: Held) -> _Held:
-    """A copy held as firmly as another."""
+def held_by(ceramic: _Held, strength: float) -> _Held:
+    """A copy with another strength of the rotation prior [-]."""
     found = copy.copy(ceramic)
-    found.rotation_strength = other.rotation_strength
+    found.rotation_strength = strength
     return found

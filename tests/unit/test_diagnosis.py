@@ -491,7 +491,7 @@ def test_what_no_run_tells_leaves_the_base_its_directions_in_the_screen() -> Non
 def test_an_effect_is_weighed_on_a_density_that_was_fitted_to_what_chose(monkeypatch: pytest.MonkeyPatch) -> None:
     """A court case: a lag that explained most where it was fitted, beside a density that predicted badly elsewhere."""
     before, wandering = misfitting(2.0, 3.0), misfitting(1.1, 2.9)
-    before.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False), runs=[])
+    before.staged = SimpleNamespace(runs=[])
     before.effects = wandering.effects = ()
     lag, mode = (Candidate(name, before, wandering) for name in ("sensor_lag", "mechanical_resonance"))
     left = {"sensor_lag": 1.1, "mechanical_resonance": 1.2}
@@ -506,18 +506,20 @@ def test_an_effect_is_weighed_on_a_density_that_was_fitted_to_what_chose(monkeyp
 
     monkeypatch.setattr("pzt_ros.diagnosis.search.informed", weighed)
     monkeypatch.setattr("pzt_ros.diagnosis.search.alike_by_design", lambda _records: [])
-    search = Search(Thresholds().on_flexible())
-    found = search._weighed_again([lag, mode])
+    search = Search(Thresholds().on_lattice())
+    both = [lag, mode]
+    found = search._informed(both, both)
     assert found is not None
+    assert found[0] is lag
     assert found[1] == ("sensor_lag", "mechanical_resonance")
     left["mechanical_resonance"] = 1.6
-    assert search._weighed_again([lag, mode])[1] == ()  # type: ignore[index]
+    assert search._informed(both, both)[1] == ()  # type: ignore[index]
+    assert search._informed(both, [mode]) is None  # what chose found nothing in the best
+    asked = Thresholds()
+    for thresholds in (asked, asked.on_flexible(), asked.on_elements()):  # no density there, or one that knows no rate
+        assert Search(thresholds)._informed(both, both) is None
     left["sensor_lag"] = 1.5
-    assert search._weighed_again([lag, mode]) is None
-    left["sensor_lag"] = 1.1
-    assert Search()._weighed_again([lag, mode]) is None  # a declared density is no better for it
-    before.staged.ceramic.knows_no_rate = True
-    assert search._weighed_again([lag, mode]) is None
+    assert search._informed(both, both) is None
 
 
 def test_candidates_weighed_again_are_fitted_to_all_and_held_alike() -> None:
