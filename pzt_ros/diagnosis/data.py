@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.diagnosis.gaps import lost_turns
+from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import drive_of
@@ -56,22 +57,27 @@ class RunData:
         """Measurement minus model in units of the noise, offsets taken out; displacement first, then polarization."""
         return np.concatenate(self._centred(part, self.record.displacement - displacement, self._left_of(polarization)))
 
-    def change(self, part: str, displacement: Array, polarization: Array) -> Array:
-        """What a change of the model does to `misfit`."""
+    def change(self, part: str, displacement: Columns, polarization: Columns) -> Columns:
+        """What changes of the model do to `misfit` [each of shape (n,), or (n, p) for p of them]."""
         return np.concatenate(self._centred(part, -displacement, -polarization if self.has_polarization else None))
 
     def _left_of(self, polarization: Array) -> Array | None:
         measured = self.record.polarization
         return measured - polarization if self.has_polarization and measured is not None else None
 
-    def _centred(self, part: str, displacement: Array, polarization: Array | None) -> list[Array]:
+    def _centred(self, part: str, displacement: Columns, polarization: Columns | None) -> list[Columns]:
         picks = self.picks[part]
-        seen = displacement[picks] / self.noise
-        found = [seen - seen.mean()]
+        found = [_about_zero(displacement[picks], self.noise)]
         if polarization is not None:
-            seen = polarization[picks] / self.polarization_noise
-            found.append(seen - seen.mean())
+            found.append(_about_zero(polarization[picks], self.polarization_noise))
         return found
+
+
+def _about_zero(seen: Columns, unit: float) -> Columns:
+    """A copy of one's own, in a unit and less its mean; in place, for there may be hundreds of columns."""
+    seen /= unit
+    seen -= seen.mean(axis=0, dtype=float).astype(seen.dtype)
+    return seen
 
 
 def split(train: Sequence[RunData], test: Sequence[RunData]) -> list[RunData]:

@@ -3,7 +3,7 @@
 Links before the ceramic turn the command into the voltage across it; the ceramic, nearly all of the work, turns that
 into polarization; links behind it make the displacement out of it. An unknown of the last stage costs a pass through
 links of a few ns a sample. An unknown of the ceramic costs one too: its tangent is taken once and carried through the
-last stage by a difference along it.
+last stage.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.data import FIT, RunData
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.sysid.run import Start
 
 _STEP = 1e-4  # of a coordinate
-_ALONG = 1e-5  # of the largest polarization: how far a difference goes along a tangent of the ceramic
 
 
 class Hysteresis(Protocol):
@@ -137,9 +137,8 @@ class Staged:
             run, behind = self.runs[number], self._behind(vector, number)
             here = _seen(behind, signals, p)
             residual = run.misfit(part, *here)
-            jacobian = np.zeros((residual.size, vector.size), order="F")  # it is filled by columns
-            for k in range(self._own):
-                jacobian[:, k] = run.change(part, *_carried(behind, signals, p, columns[:, k], here))
+            jacobian = np.zeros((residual.size, vector.size))
+            jacobian[:, : self._own] = run.change(part, *_carried(behind, signals, p, columns))
             for k in range(len(self.coordinates)):
                 jacobian[:, self._own + k] = run.change(part, *self._difference(vector, number, k, signals, p, here))
             residuals.append(residual)
@@ -231,15 +230,15 @@ def _seen(behind: Sequence[Link], signals: Signals, polarization: Array) -> tupl
 
 
 def _carried(
-    behind: Sequence[Link], signals: Signals, polarization: Array, along: Array, here: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """A tangent of the ceramic, carried to the outputs."""
-    size = float(np.max(np.abs(along)))
-    if size == 0.0:
-        return np.zeros_like(here[0]), np.zeros_like(here[1])
-    step = _ALONG * max(float(np.max(np.abs(polarization))), 1e-6) / size
-    there = _seen(behind, signals, polarization + step * along)
-    return (there[0] - here[0]) / step, (there[1] - here[1]) / step
+    behind: Sequence[Link], signals: Signals, polarization: Array, columns: Columns
+) -> tuple[Columns, Columns]:
+    """A tangent of the ceramic, carried to the outputs [each shape (n, p)]."""
+    signals, change = signals.replace(polarization=polarization), Change(columns)
+    rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+    for link in behind:
+        change = link.carry(signals, change)
+        _, signals = link.step(link.init(rest), signals)
+    return change.displacement, change.polarization
 
 
 Progress = Callable[[str], None]

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pzt_ros.physics.change import Change
 from pzt_ros.physics.link import SENSOR, Link, State
 from pzt_ros.physics.signals import Array, Signals
 
@@ -24,6 +25,10 @@ class AddedToReading(Link):
         """Displacement without the disturbance to displacement with it."""
         after, added = self._disturbance(state, signals)
         return after, signals.replace(displacement=signals.displacement + added)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """As it comes in."""
+        return change
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement wanted to displacement without the disturbance; exact."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pzt_ros.physics.change import Change
 from pzt_ros.physics.link import ACTUATOR, Link, State, no_state
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import parameter
@@ -34,6 +35,10 @@ class CrossCoupling(Link):
         if not y.size:
             return state, signals
         return state, signals.replace(displacement=signals.displacement + self.coupling * (1.0 + self.bend * y) * y)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """As it comes in."""
+        return change
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement wanted to own displacement; exact."""

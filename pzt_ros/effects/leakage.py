@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
+from pzt_ros.physics.change import Change
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -37,6 +38,10 @@ class Leakage(Link):
         """Polarization to polarization as recorded."""
         after, leaked = self._leaked(state, signals)
         return after, signals.replace(polarization=signals.polarization + leaked)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """As it comes in."""
+        return change
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization as recorded to polarization; exact.

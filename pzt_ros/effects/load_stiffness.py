@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from pzt_ros.physics.change import Change
 from pzt_ros.physics.link import ACTUATOR, Link, State, no_state
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import parameter
@@ -40,6 +41,10 @@ class LoadStiffness(Link):
         if signals.force.size:
             return state, signals.replace(displacement=signals.displacement - self.compliance * signals.force)
         return state, signals.replace(displacement=self.gain * signals.displacement)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """As it comes in, or the share of it that the spring leaves."""
+        return change if signals.force.size else replace(change, displacement=self.gain * change.displacement)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement wanted to free displacement; exact."""

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from pzt_ros.effects.sampling import mode_gains, other_step
+from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -56,6 +57,12 @@ class MechanicalResonance(Link):
         _follow(after, signals.time, signals.displacement, out, *self._mode)
         return after, signals.replace(displacement=out)
 
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """The change with what the mode makes of it: the link is linear."""
+        out = np.empty_like(change.displacement, order="C")
+        _follow_columns(signals.time, change.displacement, out, *self._mode)
+        return dataclasses.replace(change, displacement=out)
+
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement wanted to displacement before the mode; exact unless nearly all passes a finely sampled mode.
 
@@ -90,6 +97,24 @@ def _follow(state: Array, time: Array, free: Array, out: Array, frequency: float
         state[_VELOCITY] = vd * d + vv * v + vu * change
         state[_TIME], state[_INPUT] = time[k], free[k]
         out[k] = free[k] + share * state[_DEFLECTION]
+
+
+@njit(cache=True)
+def _follow_columns(time: Array, free: Columns, out: Columns, frequency: float, damping: float, share: float) -> None:
+    """`_follow` for many columns at once, which differ in their input only."""
+    deflection, velocity = np.zeros(free.shape[1]), np.zeros(free.shape[1])
+    dd, dv, du, vd, vv, vu = mode_gains(0.0, frequency, damping)
+    out[0], known = free[0], 0.0
+    for k in range(1, time.size):
+        step = time[k] - time[k - 1]
+        if other_step(step, known):
+            known = step
+            dd, dv, du, vd, vv, vu = mode_gains(step, frequency, damping)
+        for i in range(free.shape[1]):
+            d, v, change = deflection[i], velocity[i], free[k, i] - free[k - 1, i]
+            deflection[i] = dd * d + dv * v + du * change
+            velocity[i] = vd * d + vv * v + vu * change
+            out[k, i] = free[k, i] + share * deflection[i]
 
 
 @njit(cache=True)

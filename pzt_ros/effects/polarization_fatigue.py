@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
+from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -47,6 +48,12 @@ class PolarizationFatigue(Link):
         _tire(after, signals.polarization, out, *self._law)
         return after, signals.replace(polarization=out)
 
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """What is left of the change, less what its way costs."""
+        out = np.empty_like(change.polarization, order="C")
+        _tire_columns(self.init(Rest()), signals.polarization, change.polarization, out, *self._law)
+        return replace(change, polarization=out)
+
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization wanted to that of the fresh ceramic; exact."""
         after, fresh = state.copy(), np.empty_like(signals.polarization)
@@ -78,6 +85,25 @@ def _count(state: Array, fresh: float) -> None:
 def _tire(state: Array, fresh: Array, out: Array, loss: float, exponent: float, way: float, before: float) -> None:
     for k in range(fresh.size):
         out[k] = fresh[k] * _left(state, loss, exponent, way, before)
+        _count(state, fresh[k])
+
+
+@njit(cache=True)
+def _tire_columns(
+    state: Array, fresh: Array, change: Columns, out: Columns,
+    loss: float, exponent: float, way: float, before: float,
+) -> None:  # fmt: skip
+    """The tangent of `_tire`."""
+    travel = np.zeros(change.shape[1])  # change of the way so far
+    for k in range(fresh.size):
+        left, cycles = _left(state, loss, exponent, way, before), before + state[_TRAVEL] / way
+        worn = loss * exponent * cycles ** (exponent - 1.0) / way if cycles > 0.0 and left > _LEAST else 0.0
+        step = fresh[k] - state[_POLARIZATION] if k > 0 else 0.0
+        sign = np.sign(step)
+        for i in range(change.shape[1]):
+            out[k, i] = left * change[k, i] - fresh[k] * worn * travel[i]
+            if k > 0:
+                travel[i] += sign * (change[k, i] - change[k - 1, i])
         _count(state, fresh[k])
 
 

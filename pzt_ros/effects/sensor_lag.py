@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from pzt_ros.effects.sampling import lag_gains, other_step
+from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.linear_response import lag_inverse, lag_step
 from pzt_ros.physics.link import SENSOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -60,6 +61,12 @@ class SensorLag(Link):
         after, out = state.copy(), np.empty_like(signals.displacement)
         _follow(after, signals.time, signals.displacement, out, self.time_constant, self.pure_delay)
         return after, signals.replace(displacement=out)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """The change, as late: the link is linear."""
+        out = np.empty_like(change.displacement, order="C")
+        _follow_columns(signals.time, change.displacement, out, self.time_constant, self.pure_delay)
+        return dataclasses.replace(change, displacement=out)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Reading wanted to displacement; nobody can undo the delay.
@@ -127,6 +134,44 @@ def _follow(state: Array, time: Array, displacement: Array, out: Array, time_con
         state[_OUTPUT] = kept * state[_OUTPUT] + first * state[_INPUT] + last * displacement[k]
         state[_TIME], state[_INPUT] = time[k], displacement[k]
         out[k] = _delayed(state, time_constant, delay) if delay > 0.0 else state[_OUTPUT]
+
+
+@njit(cache=True)
+def _follow_columns(time: Array, free: Columns, out: Columns, time_constant: float, delay: float) -> None:
+    """`_follow` for many columns at once, which differ in their input only."""
+    lagged = np.empty_like(free) if delay > 0.0 else out
+    lagged[0], known = free[0], 0.0
+    kept, first, last = lag_gains(known, time_constant)
+    for k in range(1, time.size):
+        step = time[k] - time[k - 1]
+        if other_step(step, known):
+            known = step
+            kept, first, last = lag_gains(step, time_constant)
+        for i in range(free.shape[1]):
+            lagged[k, i] = kept * lagged[k - 1, i] + first * free[k - 1, i] + last * free[k, i]
+    if delay > 0.0:
+        _delay_columns(time, free, lagged, out, time_constant, delay)
+
+
+@njit(cache=True)
+def _delay_columns(
+    time: Array, free: Columns, lagged: Columns, out: Columns, time_constant: float, delay: float
+) -> None:
+    """What came out of the lag a delay ago, for many columns at once; between samples exact for straight lines."""
+    before = 0
+    for k in range(time.size):
+        then = time[k] - delay
+        while before + 1 < time.size and time[before + 1] <= then:
+            before += 1
+        if then <= time[before]:
+            out[k] = lagged[before]
+            continue
+        step = time[before + 1] - time[before]
+        part = (then - time[before]) / step
+        kept, first, last = lag_gains(part * step, time_constant)
+        for i in range(free.shape[1]):
+            start, there = free[before, i], free[before, i] + part * (free[before + 1, i] - free[before, i])
+            out[k, i] = kept * lagged[before, i] + first * start + last * there
 
 
 @njit(cache=True)

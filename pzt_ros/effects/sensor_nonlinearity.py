@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
+from pzt_ros.physics.change import Change, scaled
 from pzt_ros.physics.link import SENSOR, Link, State, no_state
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -44,6 +45,14 @@ class SensorNonlinearity(Link):
         for power in reversed(self._powers):
             bend = y * (power + bend)
         return state, signals.replace(displacement=y * (1.0 + bend))
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """The slope of the curve times the change."""
+        y = signals.displacement
+        bend = np.zeros_like(y)
+        for order, power in reversed(list(enumerate(self._powers, start=2))):
+            bend = y * (order * power + bend)
+        return replace(change, displacement=scaled(1.0 + bend, change.displacement))
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Reading wanted to displacement; exact on the rising part of the curve about zero, its end beyond."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
 from pzt_ros.effects.sampling import lag_gains, other_step
+from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -47,6 +48,12 @@ class SlowRelaxation(Link):
         _relax(after, signals.time, signals.displacement, out, self.times, self.share / _BRANCHES)
         return after, signals.replace(displacement=out)
 
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """The change with a part of it that comes late: the link is linear."""
+        out = np.empty_like(change.displacement, order="C")
+        _relax_columns(signals.time, change.displacement, out, self.times, self.share / _BRANCHES)
+        return replace(change, displacement=out)
+
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement wanted to prompt displacement; exact."""
         after, needed = state.copy(), np.empty_like(signals.displacement)
@@ -84,6 +91,29 @@ def _relax(state: Array, time: Array, prompt: Array, out: Array, times: Array, w
             late += z
         state[_TIME], state[_INPUT] = time[k], prompt[k]
         out[k] = prompt[k] + weight * late
+
+
+@njit(cache=True)
+def _relax_columns(time: Array, prompt: Columns, out: Columns, times: Array, weight: float) -> None:
+    """`_relax` for many columns at once, which differ in their input only."""
+    gains, late = np.empty((_BRANCHES, 3)), np.empty((_BRANCHES, prompt.shape[1]))
+    for j in range(_BRANCHES):
+        late[j] = prompt[0]
+    out[0] = (1.0 + weight * _BRANCHES) * prompt[0]
+    known = 0.0
+    for k in range(1, time.size):
+        step = time[k] - time[k - 1]
+        if other_step(step, known):
+            known = step
+            _set_gains(gains, step, times)
+        for i in range(prompt.shape[1]):
+            before, now = prompt[k - 1, i], prompt[k, i]
+            total = 0.0
+            for j in range(_BRANCHES):
+                z = gains[j, 0] * late[j, i] + gains[j, 1] * before + gains[j, 2] * now
+                late[j, i] = z
+                total += z
+            out[k, i] = now + weight * total
 
 
 @njit(cache=True)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
+from pzt_ros.physics.change import Change
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
-from pzt_ros.physics.strain_hysteresis import begun, lead, stops, unlead
+from pzt_ros.physics.strain_hysteresis import begun, lead, lead_of_change, stops, unlead
 from pzt_ros.quantities import parameter
 
 _WIDTHS = 3
@@ -49,6 +50,11 @@ class StrainPolarizationHysteresis(Link):
         after, leading = state.copy(), np.empty_like(signals.polarization)
         lead(after, signals.polarization, leading, *self._shape)
         return after, signals.replace(strain_polarization=leading)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """The change with that of the turns that are still going on."""
+        ahead = lead_of_change(signals.polarization, change.polarization, *self._shape)
+        return replace(change, strain_polarization=ahead)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """The polarization that strains to polarization; exact."""

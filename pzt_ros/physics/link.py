@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from pzt_ros.physics.change import Change, by_differences
 from pzt_ros.physics.signals import Array, Rest, Signals
 
 State = Array
@@ -48,6 +49,14 @@ class Link(ABC):
     def inverse_looks_back(self, step: float) -> bool:
         """Whether at this sample step [s] `invert` takes differences of what is wanted, and so comes a sample late."""
         return False
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """What small changes of a block change of its outcome, from rest at its first sample.
+
+        By differences here, a pass for each; links that know their slope override this, since a fit has hundreds.
+        """
+        rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+        return by_differences(lambda block: self.step(self.init(rest), block)[1], signals, change)
 
     @abstractmethod
     def init(self, rest: Rest) -> State:

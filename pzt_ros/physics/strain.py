@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
+from pzt_ros.physics.change import Change, scaled
 from pzt_ros.physics.link import ACTUATOR, Link, State, no_state
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import parameter
@@ -33,6 +34,11 @@ class Electrostriction(Link):
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization to displacement."""
         return state, signals.replace(displacement=self.coefficient * self.active_length * signals.straining**2)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """Twice P times its change."""
+        slope = 2.0 * self.coefficient * self.active_length * signals.straining
+        return replace(change, displacement=scaled(slope, change.straining))
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to polarization, on the positive branch that a poled actuator works on."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
+from pzt_ros.physics.change import Change, Columns, scaled
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -50,6 +51,14 @@ class StrainHysteresis(Link):
         lead(after, signals.straining, leading, *self._shape)
         return after, signals.replace(displacement=self.coefficient * self.active_length * leading**2)
 
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """Twice the leading polarization times its change."""
+        leading = np.empty_like(signals.straining)
+        lead(begun(1), signals.straining, leading, *self._shape)
+        slope = 2.0 * self.coefficient * self.active_length * leading
+        ahead = lead_of_change(signals.straining, change.straining, *self._shape)
+        return replace(change, displacement=scaled(slope, ahead))
+
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to polarization, on the positive branch that a poled actuator works on."""
         square = signals.displacement / (self.coefficient * self.active_length)
@@ -83,6 +92,32 @@ def lead(state: Array, polarization: Array, leading: Array, gains: Array, most: 
         for i in range(most.size):
             state[_TURNS + i] = min(max(state[_TURNS + i] + change, -most[i]), most[i])
             leading[k] += gains[i] * state[_TURNS + i]
+
+
+def lead_of_change(polarization: Array, change: Columns, gains: Array, most: Array) -> Columns:
+    """What changes of the polarization change of the leading one, from the first sample on [shape (n, p)]."""
+    out = np.empty_like(change, order="C")
+    _lead_columns(polarization, change, out, gains, most)
+    return out
+
+
+@njit(cache=True)
+def _lead_columns(polarization: Array, change: Columns, out: Columns, gains: Array, most: Array) -> None:
+    """The tangent of `lead`: a turn that has come as far as it goes no longer changes."""
+    turns, moved = np.zeros(most.size), np.zeros((most.size, change.shape[1]))
+    out[0] = change[0]
+    for k in range(1, polarization.size):
+        step = polarization[k] - polarization[k - 1]
+        out[k] = change[k]
+        for j in range(most.size):
+            turns[j] += step
+            if abs(turns[j]) >= most[j]:
+                turns[j] = min(max(turns[j], -most[j]), most[j])
+                moved[j] = 0.0
+                continue
+            for i in range(change.shape[1]):
+                moved[j, i] += change[k, i] - change[k - 1, i]
+                out[k, i] += gains[j] * moved[j, i]
 
 
 @njit(cache=True)

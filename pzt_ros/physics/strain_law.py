@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numba import njit
 
+from pzt_ros.physics.change import Change, scaled
 from pzt_ros.physics.link import ACTUATOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -58,6 +59,14 @@ class StrainLaw(Link):
             after[_SEEN], after[_POLARIZATION] = 1.0, p[-1]
             after[_VOLTAGE] = signals.voltage[-1] if signals.voltage.size else 0.0
         return after, signals.replace(displacement=p * slope)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        """The slope of the law over P times the change."""
+        p = signals.straining
+        slope = self.linear + p * (2.0 * self.quadratic + p * 3.0 * self.cubic)
+        if self.field != 0.0:
+            slope = slope + self.field * signals.voltage
+        return replace(change, displacement=scaled(slope, change.straining))
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to polarization, on the monotone branch that the last polarization is on, its end beyond.

@@ -155,8 +155,9 @@ def normal_equations(residuals: Sequence[Array], jacobians: Sequence[Array]) -> 
     for residual, jacobian in zip(residuals, jacobians, strict=True):
         used = np.flatnonzero(jacobian.any(axis=0))  # many coordinates belong to one run only
         part, place = np.zeros((used.size, used.size)), np.ix_(used, used)
+        columns = used if used.size < size else slice(None)  # a copy of them costs as much as their products
         for low in range(0, residual.size, _ROWS):
-            piece = jacobian[low : low + _ROWS, used].astype(float)
+            piece = jacobian[low : low + _ROWS, columns].astype(float, copy=False)
             part += piece.T @ piece
             gradient[used] += piece.T @ residual[low : low + _ROWS]
         gram[place] += part

@@ -12,6 +12,7 @@ import pytest
 from pzt_ros.chains import LINKS, chain_as_data, load_chain, parse_chain, shipped_chains
 from pzt_ros.effects.table import EFFECTS
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.change import Change, by_differences
 from pzt_ros.physics.link import SECTIONS, Link
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import choices_of, parameters_of, to_si
@@ -217,3 +218,24 @@ def test_step_undoes_invert(link: Link) -> None:
 
 def test_a_step_writes_something(link: Link) -> None:
     assert written_by(link)
+
+
+def moved_to_all_sides(signals: Signals) -> Change:
+    """Three changes of what a link reads."""
+    columns = np.column_stack([np.sin(rate * np.arange(len(signals.time)) + 0.3) for rate in (0.05, 0.3, 1.1)])
+    return Change(0.01 * columns, 1e-6 * columns[::-1], 0.01 * columns + 0.004)
+
+
+def test_a_change_is_carried_as_differences_would(link: Link) -> None:
+    signals = signals_of()
+    change = moved_to_all_sides(signals)
+    found = link.carry(signals, change)
+    wanted = by_differences(lambda block: link.step(link.init(REST), block)[1], signals, change)
+    for quantity, columns in vars(found).items():
+        reference = getattr(wanted, quantity)
+        np.testing.assert_allclose(columns, reference, atol=1e-3 * np.max(np.abs(reference)), err_msg=quantity)
+
+
+def test_changes_keep_their_precision(link: Link) -> None:
+    change = Change(*(columns.astype(np.float32) for columns in vars(moved_to_all_sides(signals_of())).values()))
+    assert {columns.dtype.name for columns in vars(link.carry(signals_of(), change)).values()} == {"float32"}
