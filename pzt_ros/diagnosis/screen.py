@@ -24,6 +24,7 @@ from pzt_ros.effects.insert import with_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.bounded_quadratic import bounded_minimum
 from pzt_ros.sysid.gauss_newton import cost_at
 
 _optimize: Any = optimize  # SciPy carries no types
@@ -33,6 +34,7 @@ _SHAPES = 30  # that are tried at most
 _FEW_SHAPES = 10  # the same where each costs a pass through the ceramic
 _SLOWEST = 10.0  # time constant over the longest run
 _SHARES = (1.0, 0.5, 0.2, 0.0)  # of the way to where the line leads, at which a refit may start
+_RIDGE = 1e-10  # of columns of length 1, where bounds hold some of them
 _LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
 
 
@@ -105,12 +107,18 @@ class Screen:
         """The start of an effect that promises most; None where none can be evaluated."""
         prospects = []
         for values in effect.starts:
-            link = dataclasses.replace(effect.link(), **values)
+            link = dataclasses.replace(effect.link(), **values, **self._spanned(effect))
             try:
                 prospects.append(self._prospect(effect, link))
             except BenchError:
                 continue
         return min((p for p in prospects if np.isfinite(p.total)), key=lambda p: p.total, default=None)
+
+    def _spanned(self, effect: Effect) -> dict[str, float]:
+        """What an effect has to know of where the displacement goes."""
+        low = min(float(displacement.min()) for displacement, _ in self.outputs)
+        high = max(float(displacement.max()) for displacement, _ in self.outputs)
+        return dict(zip(effect.spans, (0.5 * (low + high), 0.5 * (high - low)), strict=False))
 
     def refined(self, prospect: Prospect) -> Prospect:
         """The same effect in the shape that promises most, sought from the one given: a grid is too coarse.
@@ -213,7 +221,7 @@ class Screen:
         padded = np.vstack((signatures, np.zeros((len(self._rows), signatures.shape[1]))))
         absorbed = self._q.T @ padded
         clear = padded - self._q @ absorbed
-        amounts = np.clip(np.linalg.lstsq(clear, -self._rest, rcond=1e-10)[0], *limits)
+        amounts = _bounded(clear, -self._rest, *limits)
         moved = -(self._back @ (self._absorbed + absorbed @ amounts))
         shift: Array = (moved / self._length).astype(np.float64)
         left = (self._rest + clear @ amounts)[: self._fitted_samples]  # base and amounts moved
@@ -230,6 +238,20 @@ class Screen:
             amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
         left = left + ahead @ amounts
         return float(left @ left) / left.size
+
+
+def _bounded(columns: Array, wanted: Array, low: Array, high: Array) -> Array:
+    """The amounts of columns, within bounds, whose sum comes closest to what is wanted.
+
+    Cut off at a bound one by one they would be anywhere: some make up for others.
+    """
+    free = np.asarray(np.linalg.lstsq(columns, wanted, rcond=1e-10)[0], dtype=float)
+    if np.all((low <= free) & (free <= high)):
+        return free
+    length = np.linalg.norm(columns, axis=0) + 1e-300
+    scaled = columns / length
+    gram = scaled.T @ scaled + _RIDGE * np.eye(length.size)
+    return bounded_minimum(gram, -(scaled.T @ wanted), low * length, high * length) / length
 
 
 def _only(parts: Sequence[Array], number: int) -> Array:

@@ -17,10 +17,11 @@ from pzt_ros.quantities import parameter
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNonlinearity(Link):
-    """y + amplitude * (cos(mix) * y^2/R + sin(mix) * y^3/R^2) + quartic * y^4/R^3 + ... + septic * y^7/R^6.
+    """y + amplitude * (cos(mix) * u^2/R + sin(mix) * u^3/R^2) + quartic * u^4/R^3 + ... + septic * u^7/R^6, u = y - c.
 
     The size and which of the two lower powers it is; the four higher ones for a curve that waves, which they follow to
-    a thousandth over one wave. R is given, not found: the range of the sensor, or the span of the record.
+    a thousandth over one wave. R and c are given, not found: range and zero of the sensor, or half the width and the
+    middle of what it reads, where the powers are least alike.
     """
 
     kind: ClassVar[str] = "sensor_nonlinearity"
@@ -33,6 +34,7 @@ class SensorNonlinearity(Link):
     sextic: float = parameter(0.0, "1", "of y^6, error at the end of the range over the range", bounds=(-5.0, 5.0))
     septic: float = parameter(0.0, "1", "of y^7, error at the end of the range over the range", bounds=(-5.0, 5.0))
     range: float = parameter(1e-5, "m", "of the sensor", symbol="R", bounds=(1e-9, 1.0))
+    centre: float = parameter(0.0, "m", "reading without error about which it bends", symbol="c", bounds=(-1.0, 1.0))
 
     def init(self, rest: Rest) -> State:
         """No memory."""
@@ -40,29 +42,29 @@ class SensorNonlinearity(Link):
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to reading."""
-        y = signals.displacement
-        bend = np.zeros_like(y)
+        u = signals.displacement - self.centre
+        bend = np.zeros_like(u)
         for power in reversed(self._powers):
-            bend = y * (power + bend)
-        return state, signals.replace(displacement=y * (1.0 + bend))
+            bend = u * (power + bend)
+        return state, signals.replace(displacement=signals.displacement + u * bend)
 
     def carry(self, signals: Signals, change: Change) -> Change:
         """The slope of the curve times the change."""
-        y = signals.displacement
-        bend = np.zeros_like(y)
+        u = signals.displacement - self.centre
+        bend = np.zeros_like(u)
         for order, power in reversed(list(enumerate(self._powers, start=2))):
-            bend = y * (order * power + bend)
+            bend = u * (order * power + bend)
         return replace(change, displacement=scaled(1.0 + bend, change.displacement))
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        """Reading wanted to displacement; exact on the rising part of the curve about zero, its end beyond."""
+        """Reading wanted to displacement; exact on the rising part of the curve about its centre, its end beyond."""
         out = np.empty_like(signals.displacement)
-        _unbend(signals.displacement, out, np.array([1.0, *self._powers]), *self._rising_part)
-        return state, signals.replace(displacement=out)
+        _unbend(signals.displacement - self.centre, out, np.array([1.0, *self._powers]), *self._rising_part)
+        return state, signals.replace(displacement=self.centre + out)
 
     @property
     def _powers(self) -> tuple[float, ...]:
-        """Coefficients of y^2 [1/m] to y^7 [1/m^6]."""
+        """Coefficients of u^2 [1/m] to u^7 [1/m^6]."""
         return (
             self.amplitude * math.cos(self.mix) / self.range,
             self.amplitude * math.sin(self.mix) / self.range**2,
@@ -74,7 +76,7 @@ class SensorNonlinearity(Link):
 
     @property
     def _rising_part(self) -> tuple[float, float]:
-        """Where the curve rises about zero [m]: between the turns next to it."""
+        """Where the curve rises about its centre [m from there]: between the turns next to it."""
         slope = [1.0, *(n * power * self.range ** (n - 1) for n, power in enumerate(self._powers, start=2))]
         roots = np.polynomial.polynomial.polyroots(slope)
         turns = np.real(roots[np.abs(np.imag(roots)) < 1e-12]) * self.range

@@ -187,6 +187,7 @@ EFFECTS: tuple[Effect, ...] = (
         starts=_grid(amplitude=(1e-4,), mix=(0.0, 0.25 * math.pi, 0.5 * math.pi, 0.75 * math.pi)),
         free=("amplitude", "mix", "quartic", "quintic", "sextic", "septic"),
         linear=("amplitude", "quartic", "quintic", "sextic", "septic"),
+        spans=("centre", "range"),
         absence="an error that is a curve over the displacement, the same on both branches of a loop and at every rate",
         next_experiment="the same run with the sensor moved by half its range: the curve stays with the reading",
     ),

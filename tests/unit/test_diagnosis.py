@@ -17,6 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose
@@ -35,13 +36,14 @@ from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.refinement import off_bounds
 from pzt_ros.diagnosis.remains import remains_of
-from pzt_ros.diagnosis.screen import Prospect, Screen
+from pzt_ros.diagnosis.screen import Prospect, Screen, _bounded
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.effects.insert import effects_in, with_effect
 from pzt_ros.effects.sensor_lag import SensorLag
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.chain import Chain
@@ -292,6 +294,30 @@ def test_a_curve_that_a_strain_law_explains_as_well_is_a_tie(effect: str, tied: 
     step = Search(effects=(EFFECT_OF["sensor_nonlinearity"],)).step(hypothesis(effect))
     assert [each.name for each in step.accepted] == ["sensor_nonlinearity"]
     assert step.tied == tied
+
+
+def test_a_curve_bends_about_the_middle_of_where_the_model_goes() -> None:
+    """A court case: a density moved from -17 to -4 um, where the powers of it were too much alike to be told."""
+    screen = Screen(hypothesis("waving_sensor"))
+    prospect = screen.best(EFFECT_OF["sensor_nonlinearity"])
+    assert prospect is not None
+    reached = np.concatenate([displacement for displacement, _ in screen.outputs])
+    link = cast(SensorNonlinearity, prospect.link)
+    assert link.centre - link.range == pytest.approx(reached.min())
+    assert link.centre + link.range == pytest.approx(reached.max())
+
+
+def test_amounts_within_bounds_make_up_for_one_another() -> None:
+    """Two columns nearly alike: the first at its bound leaves the second to do the rest."""
+    rng = np.random.default_rng(1)
+    first = rng.standard_normal(500)
+    columns = np.column_stack((first, first + 1e-3 * rng.standard_normal(500)))
+    wanted = columns @ np.array([5.0, -2.0])
+    low, high = np.array([-1.0, -np.inf]), np.array([1.0, np.inf])
+    amounts = _bounded(columns, wanted, low, high)
+    least = optimize.lsq_linear(columns, wanted, (low, high), tol=1e-12)
+    np.testing.assert_allclose(amounts, least.x, rtol=1e-4)
+    assert np.sum((columns @ amounts - wanted) ** 2) < 1e-3 * np.sum(wanted**2)
 
 
 def found_in_turn(base: Hypothesis, *names: str) -> list[Step]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -76,6 +77,18 @@ def test_inverse_of_the_sensor_curve(amplitude: float, mix: float) -> None:
     signals = Signals(np.arange(81.0), displacement=np.linspace(-1e-5, 1e-5, 81))
     _, back = link.invert(link.init(Rest()), signals.replace(displacement=read(link, signals)))
     np.testing.assert_allclose(back.displacement, signals.displacement, rtol=0, atol=1e-18)
+
+
+def test_a_sensor_curve_bends_about_its_centre_and_back() -> None:
+    link = SensorNonlinearity(amplitude=0.02, mix=0.3, quintic=-0.01, range=6e-6, centre=-1e-5)
+    about_zero = dataclasses.replace(link, centre=0.0)
+    u = np.linspace(-6e-6, 6e-6, 41)
+    time = np.arange(41.0)
+    moved = Signals(time, displacement=u - 1e-5)
+    reading = read(link, moved)
+    np.testing.assert_allclose(reading, read(about_zero, Signals(time, displacement=u)) - 1e-5, rtol=0, atol=1e-20)
+    _, back = link.invert(link.init(Rest()), moved.replace(displacement=reading))
+    np.testing.assert_allclose(back.displacement, moved.displacement, rtol=0, atol=1e-18)
 
 
 def test_reading_that_the_sensor_cannot_give_is_its_last_one() -> None:
