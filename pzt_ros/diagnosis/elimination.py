@@ -49,6 +49,13 @@ def second_alone(steps: list[Step], asked: Thresholds) -> list[Step]:
     return [replace(begin, candidates=(candidate, *others), accepted=(candidate,), verdict=verdict)]
 
 
+def is_law_as_good(bare: Hypothesis, curved: Hypothesis, asked: Thresholds) -> bool:
+    """Whether a free strain law leaves hardly more than a sensor's curve does; `bare` is the model without either."""
+    law = with_free_law(bare)
+    left = bare if law is None else taken_on(law, asked)  # a law that is free already has no power to add
+    return left.total - curved.total <= asked.law_tie
+
+
 def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     """The steps, with a sensor's curve left open that a strain law explains as well beside the effects found later."""
     final, curve = steps[-1].after, SensorNonlinearity.kind
@@ -56,8 +63,7 @@ def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     if not named or steps[named[0]].tied or final.effects == (curve,):
         return steps
     bare = without(final, curve)
-    law = None if bare is None else with_free_law(bare)
-    if law is None or taken_on(law, asked).total - final.total > asked.law_tie:
+    if bare is None or not is_law_as_good(bare, final, asked):
         return steps
     place = named[0]
     parts = [replace(steps[place], candidates=(each,), accepted=(each,)) for each in steps[place].accepted]

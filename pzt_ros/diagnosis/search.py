@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 from itertools import repeat
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of, share_of
-from pzt_ros.diagnosis.elimination import law_in_question, second_alone, without
+from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone, without
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
@@ -308,8 +308,7 @@ class Search:
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
-        law = with_free_law(winner.before)
-        return law is not None and taken_on(law, self.thresholds).total - winner.after.total <= self.thresholds.law_tie
+        return is_law_as_good(winner.before, winner.after, self.thresholds)
 
     def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Two effects neither of which explains enough alone; empty where no two do."""

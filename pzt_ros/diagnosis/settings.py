@@ -45,6 +45,8 @@ class Thresholds:
         decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
             curve leaves to be as good.
+        flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
+            that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
         refits: candidates that are refitted at most.
         most_effects: that are added at most.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
@@ -87,6 +89,7 @@ class Thresholds:
     flexible_alike: float = 0.75
     decisive: float = 25.0
     law_tie: float = 0.12
+    flexible_law_tie: float = 2.5
     refits: int = 4
     most_effects: int = 4
     flexible_share: float = 0.6
@@ -106,6 +109,7 @@ class Thresholds:
             self,
             share=self.flexible_share,
             alike_tie=self.flexible_alike,
+            law_tie=self.flexible_law_tie,
             size=self.flexible_size,
             selection_size=self.flexible_size,
             hopeless=self.flexible_hopeless,
