@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -54,6 +55,10 @@ class OneEquation(Ferroelectric):
     def material(self) -> Any:
         """The numbers as the compiled loops take them."""
 
+    @cached_property
+    def _numbers(self) -> tuple[float, ...]:
+        return tuple(self.material)
+
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization and phase fraction at the samples; the field is linear between them, however far apart.
 
@@ -83,12 +88,12 @@ class OneEquation(Ferroelectric):
         time = self._finite(signals.time, signals.time.size, "time", "s")
         target = np.ascontiguousarray(signals.polarization, dtype=np.float64)
         after, voltage, x = state.copy(), np.empty(time.size), np.empty(time.size)
-        self._inverse.run_inverse(after, self.material, time, target, voltage, x)
+        self._inverse.run_inverse(after, self._numbers, time, target, voltage, x)
         return after, signals.replace(voltage=voltage, phase_fraction=x)
 
     def _run(self, state: State, time: Array, voltage: Array) -> tuple[Array, Array]:
         p, x = np.empty(time.size), np.empty(time.size)
-        self._kernel.run(state, self.material, time, voltage, p, x)
+        self._kernel.run(state, self._numbers, time, voltage, p, x)
         return p, x
 
     def _ramp_to(self, state: State, voltage: float) -> None:
