@@ -12,6 +12,7 @@ which is 0 there, all that has switched would fall back at the rate 1/tau as lon
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from pzt_ros.physics.parametrized_single_branch import (
     BASE,
@@ -164,7 +165,7 @@ def advance(state: Array, m: Material, time: float, field: float) -> None:
 
 
 @compiled
-def run(state: Array, numbers: tuple[float, ...], time: Array, voltage: Array, p: Array, x: Array) -> None:
+def run(state: Array, numbers: tuple[Any, ...], time: Array, voltage: Array, p: Array, x: Array) -> None:
     """Step through a block: fills polarization `p` and phase fraction `x` [all of shape (n,)]; changes `state`.
 
     The `numbers` are those of a Material; from Python a plain tuple is taken in a third of the time of a named one.
@@ -185,7 +186,7 @@ def _copy(source: Array, target: Array) -> None:
 
 
 @compiled
-def run_inverse(state: Array, numbers: tuple[float, ...], time: Array, p: Array, voltage: Array, x: Array) -> None:
+def run_inverse(state: Array, numbers: tuple[Any, ...], time: Array, p: Array, voltage: Array, x: Array) -> None:
     """Fill `voltage` so that `run` on it gives the polarization `p` [all of shape (n,)]; `state` changes as in `run`.
 
     P rises with the field at the end of the step: secants inside a bracket, bisection where they leave it or linger.
