@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +44,30 @@ class Signals:
     force: Array = field(default_factory=lambda: ABSENT)
     neighbour: Array = field(default_factory=lambda: ABSENT)
 
-    def __init__(self, time: Array, voltage: Array = ABSENT, **known: Array) -> None:
+    def __init__(
+        self,
+        time: Array,
+        voltage: Array = ABSENT,
+        polarization: Array = ABSENT,
+        phase_fraction: Array = ABSENT,
+        displacement: Array = ABSENT,
+        temperature: Array = ABSENT,
+        strain_polarization: Array = ABSENT,
+        force: Array = ABSENT,
+        neighbour: Array = ABSENT,
+    ) -> None:
         # What a frozen dataclass writes itself takes twice as long: it asks for every default by a call.
-        self.__dict__.update(_UNKNOWN, time=time, voltage=voltage, **known)
+        self.__dict__.update(
+            time=time,
+            voltage=voltage,
+            polarization=polarization,
+            phase_fraction=phase_fraction,
+            displacement=displacement,
+            temperature=temperature,
+            strain_polarization=strain_polarization,
+            force=force,
+            neighbour=neighbour,
+        )
 
     @property
     def straining(self) -> Array:
@@ -58,9 +79,6 @@ class Signals:
         copy = object.__new__(Signals)  # four times as fast as dataclasses.replace, which runs __init__ again
         copy.__dict__.update(self.__dict__, **changes)
         return copy
-
-
-_UNKNOWN = {each.name: ABSENT for each in fields(Signals)}
 
 
 @dataclass(frozen=True)
