@@ -19,7 +19,6 @@ from pzt_ros.hardware import machine
 from pzt_ros.hardware.amplifier import AmplifierDriver, Applied
 from pzt_ros.hardware.limits import Limits
 from pzt_ros.hardware.machine import DISABLED, ENABLED, FAULT, RAMPING, TRIPPED, SafetyMachine
-from pzt_ros.physics.finite import first_not_finite
 from pzt_ros.physics.signals import Array
 from pzt_ros.reference import block_times
 
@@ -53,10 +52,7 @@ class GuardedAmplifier:
 
     def warm_up(self) -> None:
         """Compile now what the first command would have to wait for."""
-        zeros = np.zeros(2)
-        _limit(zeros, 0.0, 0.0, 0.0, 1.0)
-        _largest(zeros, zeros)
-        first_not_finite(zeros)
+        _limit(np.zeros(2), 0.0, 0.0, 0.0, 1.0)
         self.driver.warm_up()
 
     def opened(self) -> None:
@@ -158,7 +154,7 @@ class GuardedAmplifier:
         if refused:
             self.counts[f"refused: {refused}"] += 1
             return None
-        if first_not_finite(command_voltage) >= 0:
+        if not np.isfinite(command_voltage).all():
             self.counts["refused: not finite"] += 1
             self.trip(machine.NOT_FINITE, "command voltage is not a finite number")
             return None
@@ -269,29 +265,14 @@ class GuardedAmplifier:
 
     def _check(self, applied: Applied) -> None:
         """Too much current or power is a fault; so is one that is no number."""
-        current, power = _largest(applied.voltage, applied.current)
+        with np.errstate(invalid="ignore"):  # no number times no number
+            current = float(np.max(np.abs(applied.current)))
+            power = float(np.max(np.abs(applied.voltage * applied.current)))
         if not current <= self.limits.current:
             limit = 1e3 * self.limits.current
             self.trip(machine.OVER_CURRENT, f"current of {1e3 * current:.1f} mA exceeds the limit of {limit:.1f} mA")
         elif not power <= self.limits.power:
             self.trip(machine.OVER_POWER, f"power of {power:.3g} W exceeds the limit of {self.limits.power:.3g} W")
-
-
-@njit(cache=True)
-def _largest(voltage: Array, current: Array) -> tuple[float, float]:
-    """Largest current and largest power, up or down; no number where one of them is none."""
-    if voltage.size != current.size:
-        raise ValueError("voltage and current are not of the same samples")
-    highest, most = 0.0, 0.0
-    for i in range(current.size):
-        highest = _larger(highest, abs(current[i]))
-        most = _larger(most, abs(voltage[i] * current[i]))
-    return highest, most
-
-
-@njit(cache=True)
-def _larger(a: float, b: float) -> float:
-    return a if math.isnan(a) or b <= a else b
 
 
 @njit(cache=True)

@@ -11,7 +11,6 @@ import numpy as np
 from pzt_ros.hardware import machine
 from pzt_ros.hardware.amplifier import Applied
 from pzt_ros.hardware.guard import ENABLED, GuardedAmplifier
-from pzt_ros.physics.finite import first_not_finite
 from pzt_ros.physics.signals import Array
 
 _BLOCKS_KEPT = 4096
@@ -107,7 +106,7 @@ class Watch:
             self._owed.popleft()
         if not first_time >= self._begin:
             return
-        if first_not_finite(displacement) >= 0:
+        if not np.isfinite(displacement).all():
             self.amplifier.trip(machine.SENSOR_NOT_FINITE, "the sensor's reading is not a finite number")
             return
         if not (displacement == self._reading).all():

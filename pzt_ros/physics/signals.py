@@ -44,31 +44,6 @@ class Signals:
     force: Array = field(default_factory=lambda: ABSENT)
     neighbour: Array = field(default_factory=lambda: ABSENT)
 
-    def __init__(
-        self,
-        time: Array,
-        voltage: Array = ABSENT,
-        polarization: Array = ABSENT,
-        phase_fraction: Array = ABSENT,
-        displacement: Array = ABSENT,
-        temperature: Array = ABSENT,
-        strain_polarization: Array = ABSENT,
-        force: Array = ABSENT,
-        neighbour: Array = ABSENT,
-    ) -> None:
-        # What a frozen dataclass writes itself takes twice as long: it asks for every default by a call.
-        self.__dict__.update(
-            time=time,
-            voltage=voltage,
-            polarization=polarization,
-            phase_fraction=phase_fraction,
-            displacement=displacement,
-            temperature=temperature,
-            strain_polarization=strain_polarization,
-            force=force,
-            neighbour=neighbour,
-        )
-
     @property
     def straining(self) -> Array:
         """The polarization that strain links go by [C/m^2]."""
