@@ -61,6 +61,11 @@ class Topic:
         """The columns of a block, in every way in which it may be said."""
         return (self.columns, self.required) if self.optional else (self.columns,)
 
+    @cached_property
+    def layout_of(self) -> dict[int, tuple[str, ...]]:
+        """The same by how many columns there are."""
+        return {len(columns): columns for columns in self.layouts}
+
 
 TOPICS: dict[str, Topic] = {
     topic.name: topic

@@ -141,8 +141,7 @@ class GraphNode(Node):
 
     def publish(self, name: str, *arrays: NDArray[np.float64]) -> None:
         """Publish a block: one array per column of the table, without its optional ones where there are none."""
-        columns = next(columns for columns in TOPICS[name].layouts if len(columns) == len(arrays))
-        self._publishers_by_topic[name].publish(encode(columns, arrays))
+        self._publishers_by_topic[name].publish(encode(TOPICS[name].layout_of[len(arrays)], arrays))
 
     def plot(self, name: str, time_s: float, make: Callable[[], Any]) -> None:
         """Publish on a decimated topic, unless its last message is younger than 1/50 s of the run's own time."""

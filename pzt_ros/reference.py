@@ -30,4 +30,5 @@ class Reference:
 
 def block_times(block: int, block_size: int, sample_rate: float) -> Array:
     """Sample times [s, shape (block_size,)] of block number `block`; the first sample of block 0 is at 0 s."""
-    return (block * block_size + np.arange(block_size)) / sample_rate
+    first = block * block_size
+    return np.arange(first, first + block_size) / sample_rate

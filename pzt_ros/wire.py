@@ -16,6 +16,7 @@ from pzt_ros.blocks import Block
 from pzt_ros.physics.signals import Array
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+_DOUBLE = np.dtype("<f8")
 
 
 @functools.lru_cache(maxsize=256)
@@ -33,18 +34,16 @@ def prefix(columns: tuple[str, ...], count: int) -> bytes:
 
 def encode(columns: tuple[str, ...], arrays: tuple[Array, ...]) -> bytes:
     """A block of one array per column [each of shape (n,)] as bytes for the wire."""
-    values = np.empty((len(arrays[0]), len(arrays)))
-    for index, array in enumerate(arrays):
-        values[:, index] = array
-    return prefix(columns, len(values)) + values.tobytes()
+    values = np.concatenate(arrays).reshape(len(arrays), len(arrays[0]))
+    return prefix(columns, len(arrays[0])) + values.T.tobytes()
 
 
 def decode(data: bytes, columns: tuple[str, ...], count: int) -> Block | None:
     """The block in `data`, or None if it does not begin as a block of these columns and `count` samples does."""
-    head = prefix(columns, count)
-    if not data.startswith(head) or len(data) != len(head) + 8 * count * len(columns):
+    head, width = prefix(columns, count), len(columns)
+    if len(data) != len(head) + 8 * count * width or not data.startswith(head):
         return None
-    return Block.unchecked(columns, np.frombuffer(data, dtype="<f8", offset=len(head)).reshape(count, len(columns)))
+    return Block.unchecked(columns, np.ndarray((count, width), _DOUBLE, data, len(head)))
 
 
 def decode_any(data: bytes, columns: tuple[str, ...]) -> Block | None:

@@ -41,7 +41,7 @@ class Feedback:
     model: ChainState = ()
     predicted: Array = field(default_factory=lambda: ABSENT)
     cut: float = 0.0
-    bounds: Bounds = field(default_factory=Bounds)
+    bounds: Bounds = Bounds()  # noqa: RUF009 - it is frozen
 
 
 NEVER = 1e9

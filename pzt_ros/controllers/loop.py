@@ -111,14 +111,11 @@ class ControlLoop:
         asked = None
         if self._last is not None and self._last.quantity == DISPLACEMENT:
             asked = self._model.reading_of(self._last.time, self._last.values)
-        feedback = dataclasses.replace(
-            feedback,
-            reference=asked,
-            model=self._model.state,
-            predicted=self._model.predicted,
-            cut=self._cut,
+        feedback = Feedback(
+            feedback.time, feedback.voltage, feedback.measurement, feedback.estimate,
+            reference=asked, model=self._model.state, predicted=self._model.predicted, cut=self._cut,
             bounds=self._bounds,
-        )
+        )  # fmt: skip
         self._last = reference
         drive = self._drive(reference, feedback)
         self._amplifier_state, wanted = self._amplifier.invert(self._amplifier_state, Signals(reference.time, drive))
@@ -142,8 +139,9 @@ class ControlLoop:
         kept = self._bounds.keep(across, last, time, float(feedback.time[-1]))
         cut = float(across[-1] - kept[-1])
         self._cut = cut if math.isfinite(cut) else 0.0
-        self.limited += int(np.count_nonzero(kept != across))
-        return wanted if np.array_equal(kept, across) else kept / self._gain
+        limited = int(np.count_nonzero(kept != across))
+        self.limited += limited
+        return kept / self._gain if limited else wanted
 
     def _drive(self, reference: Reference, feedback: Feedback) -> Array:
         """The voltage across the ceramic [V], with what is left of a hand-over."""

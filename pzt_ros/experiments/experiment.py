@@ -76,8 +76,9 @@ class Experiment:
             found = {DISPLACEMENT: displacement, VOLTAGE: voltage}
             self._start = self._last.get(phase.quantity, found[phase.quantity])
         n = self.block_size
+        first = self._block * n + 1
         # The first sample of a phase comes one sample after its start value, so that phases join without repeating it.
-        since = (self._block * n + np.arange(1, n + 1)) / self.sample_rate
+        since = np.arange(first, first + n) / self.sample_rate
         values = phase.value(self._start, since)
         controller = getattr(phase, "controller", "") if self._block == 0 else ""
         self._last = {phase.quantity: float(values[-1])}

@@ -154,7 +154,7 @@ class GuardedAmplifier:
         if refused:
             self.counts[f"refused: {refused}"] += 1
             return None
-        if not np.all(np.isfinite(command_voltage)):
+        if not np.isfinite(command_voltage).all():
             self.counts["refused: not finite"] += 1
             self.trip(machine.NOT_FINITE, "command voltage is not a finite number")
             return None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -48,7 +47,7 @@ class DisturbanceObserver(Observer):
     ) -> tuple[DisturbanceState, Signals]:
         """The model over a block of applied voltage [V]."""
         memory, predicted = model.behind_amplifier.step(state.model, Signals(time, voltage))
-        return dataclasses.replace(state, model=memory), predicted
+        return DisturbanceState(memory, state.disturbance, state.time), predicted
 
     def correct(
         self, state: DisturbanceState, predicted: Signals, measurement: Array

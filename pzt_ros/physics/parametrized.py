@@ -151,6 +151,6 @@ def _after_history(link: Parametrized) -> State:
     state = branch.fresh_state(material, float(link.saturation_barrier))
     if link.start == "virgin":
         time, voltage = decaying_drive(link.virgin_amplitude, link.layer_thickness, _PRERUN_SAMPLES)
-        kernel.run(state, material, time, voltage, np.empty_like(time), np.empty_like(time))
+        kernel.run(state, tuple(material), time, voltage, np.empty_like(time), np.empty_like(time))
     state.flags.writeable = False
     return state

@@ -57,13 +57,14 @@ def susceptibility(state: Array, m: Material, duration: float) -> float:
 
 
 @compiled
-def run_inverse(state: Array, m: Material, time: Array, p: Array, voltage: Array, x: Array) -> int:
+def run_inverse(state: Array, numbers: tuple[float, ...], time: Array, p: Array, voltage: Array, x: Array) -> int:
     """Fill `voltage` so that `run` on it gives the polarization `p` [all of shape (n,)]; `state` changes as in `run`.
 
     P rises with the field at the end of the step, so each sample is a scalar equation for that field: secant steps
     inside a bracket. They start where the field bends as it did before, and by more as P bends more. Where FIELD_LIMIT
     does not suffice, the limit is taken; a target that is no number keeps the field. Returns the number of model steps.
     """
+    m = Material(*numbers)
     tolerance = TOLERANCE * m.accuracy * m.domain_polarization
     saved = state.copy()
     steps = 0

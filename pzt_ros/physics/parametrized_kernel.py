@@ -390,8 +390,12 @@ def advance(state: Array, m: Material, time: float, field: float) -> None:
 
 
 @compiled
-def run(state: Array, m: Material, time: Array, voltage: Array, p: Array, x: Array) -> None:
-    """Step through a block: fills polarization `p` and phase fraction `x` [all of shape (n,)]; changes `state`."""
+def run(state: Array, numbers: tuple[float, ...], time: Array, voltage: Array, p: Array, x: Array) -> None:
+    """Step through a block: fills polarization `p` and phase fraction `x` [all of shape (n,)]; changes `state`.
+
+    The `numbers` are those of a Material; from Python a plain tuple is taken in a third of the time of a named one.
+    """
+    m = Material(*numbers)
     for i in range(time.size):
         advance(state, m, time[i], voltage[i] / m.layer_thickness)
         p[i] = polarization(state, m)

@@ -128,7 +128,7 @@ def _before(link: ParametrizedSingle) -> State:
         state = branch.fresh_state(link.material, 1.0 if link.start == "positive" else 0.0)
     if link.start == "virgin" and link.distribution == "coercive":
         time, voltage = decaying_drive(link.virgin_amplitude, link.layer_thickness, _PRERUN_SAMPLES)
-        kernel.run(state, link.material, time, voltage, np.empty_like(time), np.empty_like(time))
+        kernel.run(state, tuple(link.material), time, voltage, np.empty_like(time), np.empty_like(time))
         state[branch.FIELD] = 0.0  # the drive ends at 0 to rounding
         branch.refresh(state, link.material)
     state.flags.writeable = False

@@ -12,6 +12,7 @@ which is 0 there, all that has switched would fall back at the rate 1/tau as lon
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from pzt_ros.physics.parametrized_single_branch import (
     BASE,
@@ -164,8 +165,12 @@ def advance(state: Array, m: Material, time: float, field: float) -> None:
 
 
 @compiled
-def run(state: Array, m: Material, time: Array, voltage: Array, p: Array, x: Array) -> None:
-    """Step through a block: fills polarization `p` and phase fraction `x` [all of shape (n,)]; changes `state`."""
+def run(state: Array, numbers: tuple[Any, ...], time: Array, voltage: Array, p: Array, x: Array) -> None:
+    """Step through a block: fills polarization `p` and phase fraction `x` [all of shape (n,)]; changes `state`.
+
+    The `numbers` are those of a Material; from Python a plain tuple is taken in a third of the time of a named one.
+    """
+    m = Material(*numbers)
     for i in range(time.size):
         advance(state, m, time[i], voltage[i] / m.layer_thickness)
         p[i] = polarization(state, m)
@@ -181,12 +186,13 @@ def _copy(source: Array, target: Array) -> None:
 
 
 @compiled
-def run_inverse(state: Array, m: Material, time: Array, p: Array, voltage: Array, x: Array) -> None:
+def run_inverse(state: Array, numbers: tuple[Any, ...], time: Array, p: Array, voltage: Array, x: Array) -> None:
     """Fill `voltage` so that `run` on it gives the polarization `p` [all of shape (n,)]; `state` changes as in `run`.
 
     P rises with the field at the end of the step: secants inside a bracket, bisection where they leave it or linger.
     Where FIELD_LIMIT does not suffice, the limit is taken; a target that is no number keeps the field.
     """
+    m = Material(*numbers)
     tolerance = _TARGET_SHARE * m.accuracy * m.domain_polarization
     trial, least = state.copy(), 1.0 / m.reciprocal_permittivity
     for i in range(time.size):

@@ -76,7 +76,7 @@ class DisplacementSensor(Link):
         if self.noise_rms > 0.0:
             reading = reading + self.noise_rms * white_noise(seed, first, count)
         if self.resolution > 0.0:
-            reading = np.round(reading / self.resolution) * self.resolution
+            reading = np.rint(reading / self.resolution) * self.resolution
         after[_SAMPLE] = float(first + count)
         return after, signals.replace(displacement=reading)
 
