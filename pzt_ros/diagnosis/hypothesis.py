@@ -73,7 +73,7 @@ class Hypothesis:
     @property
     def jacobians(self) -> list[Array]:
         """Of the runs that were fitted, where the fit ended; too large to be kept for every candidate."""
-        return self.staged.linearise(self.solution.vector)[1]
+        return [each.astype(float, copy=False) for each in self.staged.linearise(self.solution.vector)[1]]
 
     @cached_property
     def selection_residuals(self) -> list[Array]:
@@ -180,7 +180,7 @@ def _with_own_values(staged: Staged, vector: Array) -> Array:
         places += [own + k for k, each in enumerate(staged.coordinates) if each.run == number]
         for _ in range(_ROUNDS if places else 0):
             residuals, jacobians = staged.jacobians(found, [number], SELECTION)
-            columns, held = jacobians[0][:, places], rows[:, places]
+            columns, held = jacobians[0][:, places].astype(float), rows[:, places]
             gram = columns.T @ columns + held.T @ held
             gradient = columns.T @ residuals[0] + held.T @ (rows @ found - targets)
             size = np.sqrt(np.maximum(np.diag(gram), 1e-300))

@@ -81,10 +81,9 @@ class Screen:
         self._choosing = hypothesis.choosing
         residual = np.concatenate(hypothesis.solution.residuals)
         self._left = np.concatenate(hypothesis.selection_residuals) if self._choosing else np.zeros(0)
-        jacobian = np.vstack(hypothesis.jacobians)
         self._ahead = self._selection_jacobian()
         self._rows, _ = staged.prior
-        whole = np.vstack((jacobian, self._rows))  # what no run tells is known from the prior: both make a column long
+        whole = np.vstack((*hypothesis.jacobians, self._rows))  # what no run tells the prior knows: both make a length
         self._length = np.linalg.norm(whole, axis=0) + 1e-300
         whole /= self._length
         u, s, vt = np.linalg.svd(whole, full_matrices=False)
@@ -100,8 +99,8 @@ class Screen:
         staged = self.hypothesis.staged
         if not self._choosing:
             return np.zeros((0, staged.start.size))
-        found: Array = np.vstack(staged.jacobians(self.hypothesis.vector, self._choosing, SELECTION)[1])
-        return found
+        parts = staged.jacobians(self.hypothesis.vector, self._choosing, SELECTION)[1]
+        return np.vstack(parts, dtype=float)
 
     def best(self, effect: Effect) -> Prospect | None:
         """The start of an effect that promises most; None where none can be evaluated."""

@@ -256,12 +256,15 @@ class Search:
 
     def _is_significant(self, candidate: Candidate) -> bool:
         asked = self.thresholds
-        return (
-            candidate.fit_gain > asked.fit_gain
-            and candidate.selection_gain > asked.selection_gain
-            and candidate.fit_size > asked.size
-            and candidate.selection_size > asked.selection_size
-        )
+        shows = candidate.fit_gain > asked.fit_gain and candidate.fit_size > asked.size
+        ahead = candidate.selection_gain > asked.selection_gain and candidate.selection_size > asked.selection_size
+        return ahead and (shows or self._is_foretold(candidate))
+
+    def _is_foretold(self, candidate: Candidate) -> bool:
+        """Whether fitted runs that hardly show an effect tell enough of it to explain what is left of the others."""
+        asked = self.thresholds
+        told = not EFFECT_OF[candidate.name].per_run and candidate.fit_gain > asked.foretold_gain
+        return told and candidate.selection_gain > asked.foretells and candidate.selection_share >= asked.pair_share
 
     def _is_enough(self, winner: Candidate) -> bool:
         """Whether it explains so much that it is named; beside one that it is taken for easily, nearly all of it."""

@@ -129,7 +129,7 @@ class Staged:
         return self.jacobians(vector, self.fitted, FIT)
 
     def jacobians(self, vector: Array, numbers: Sequence[int], part: str) -> tuple[list[Array], list[Array]]:
-        """Misfit of runs on a part and its Jacobian [each shape (m,) and (m, p)]."""
+        """Misfit of runs on a part and its Jacobian [shapes (m,) and (m, p)], in the precision of the tangent."""
         driven = [self._driven(vector, number) for number in numbers]
         polarized, along = self.ceramic.tangent(vector[: self._own], self._voltages(driven, numbers))
         residuals, jacobians = [], []
@@ -137,7 +137,7 @@ class Staged:
             run, behind = self.runs[number], self._behind(vector, number)
             here = _seen(behind, signals, p)
             residual = run.misfit(part, *here)
-            jacobian = np.zeros((residual.size, vector.size))
+            jacobian = np.zeros((residual.size, vector.size), dtype=columns.dtype)
             jacobian[:, : self._own] = run.change(part, *_carried(behind, signals, p, columns))
             for k in range(len(self.coordinates)):
                 jacobian[:, self._own + k] = run.change(part, *self._difference(vector, number, k, signals, p, here))

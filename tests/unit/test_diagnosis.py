@@ -296,6 +296,26 @@ def test_a_curve_that_a_strain_law_explains_as_well_is_a_tie(effect: str, tied: 
     assert step.tied == tied
 
 
+@pytest.mark.parametrize(
+    ("name", "fit_gain", "selection_gain", "selection_share", "is_significant"),
+    [
+        ("amplifier_charge_limit", 88.0, 5492.0, 0.84, True),  # the court case that this is for
+        ("amplifier_charge_limit", 3.0, 5492.0, 0.84, False),  # the fitted runs say nothing of it
+        ("amplifier_charge_limit", 88.0, 40.0, 0.84, False),  # the others say little
+        ("amplifier_charge_limit", 88.0, 5492.0, 0.7, False),  # something else is there, too
+        ("thermal_drift", 88.0, 5492.0, 0.84, False),  # its rates were found where they explain
+    ],
+)
+def test_what_the_fitted_runs_hardly_show_may_be_told_by_what_it_explains_elsewhere(
+    name: str, fit_gain: float, selection_gain: float, selection_share: float, is_significant: bool
+) -> None:
+    shown = SimpleNamespace(
+        name=name, fit_gain=fit_gain, fit_size=0.08, selection_gain=selection_gain, selection_size=1.3,
+        selection_share=selection_share,
+    )  # fmt: skip
+    assert Search()._is_significant(cast(Candidate, shown)) == is_significant
+
+
 def test_a_curve_that_takes_little_from_a_free_law_is_as_likely_one_of_its_powers() -> None:
     """A case of our own: a density alone left 1.3 x the noise, and a curve of six powers 1.03."""
     curved = hypothesis("waving_sensor")
