@@ -12,8 +12,8 @@ class Thresholds:
 
     Attributes:
         fit_gain, selection_gain: n_eff ln(before/after) of the squares, on what is fitted and on what chooses.
-        foretold_gain, foretells: the same for one that the fitted runs hardly show and that explains `pair_share` of what
-            is left where nothing was fitted: a current limit that only one of the other runs reached.
+        foretold_gain, foretells: the same for one that the fitted runs hardly show and that explains `pair_share` of
+            what is left where nothing was fitted: a current limit that only one of the other runs reached.
         size: smallest rms that is looked for in a fitted run, in units of the noise.
         selection_size: the same on what chooses, which may show less of an effect: there it need only be there.
         promise: fall of the mean square, in units of the noise, that the screen has to promise before a refit.
