@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
 
 import numpy as np
 
 from pzt_ros.hardware import machine
-from pzt_ros.hardware.amplifier import Applied
+from pzt_ros.hardware.amplifier import Applied, Thermometer
 from pzt_ros.hardware.guard import ENABLED, GuardedAmplifier
 from pzt_ros.physics.signals import Array
 
@@ -148,9 +147,8 @@ class Watch:
 
     def temperature(self) -> None:
         """Ask a driver that measures a temperature; what is too hot stays a cause until it has cooled down."""
-        # At every look, for a driver may know one only once it is open; isinstance(..., Thermometer) would take 7 us.
-        driver: Any = self.amplifier.driver
-        if not hasattr(driver, "temperature"):
+        driver = self.amplifier.driver
+        if not isinstance(driver, Thermometer):  # at every look, for a driver may have one only once it is open
             return
         found, limit = driver.temperature, self.amplifier.limits.temperature
         hot = "" if found <= limit else f"temperature of {found:.1f} K, limit {limit:.1f} K"

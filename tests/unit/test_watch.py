@@ -320,6 +320,16 @@ def test_too_hot_while_disabled_is_a_fault_too() -> None:
     assert guard.state == FAULT
 
 
+def test_a_thermometer_that_is_there_only_later_is_found() -> None:
+    """A driver may know whether its instrument has one only once it is open."""
+    run = Run()
+    run.watch.temperature()
+    assert run.guard.state == ENABLED
+    run.guard.driver.temperature = 400.0  # type: ignore[attr-defined]
+    run.watch.temperature()
+    assert run.guard.state == FAULT  # at 0 V there is nothing to ramp
+
+
 def test_an_amplifier_without_a_thermometer_is_not_asked() -> None:
     run = Run()
     run.watch.temperature()
