@@ -319,7 +319,9 @@ class Search:
         most = before.total - self.thresholds.pair_promise * before.excess
         most = min(most, before.total_at(self.thresholds.nameable))
         for first in sound[:2]:
-            following = [c for c in self._candidates(first.after, first.after, most)[0] if self._is_significant(c)]
+            beside = self._candidates(first.after, first.after, most)[0]
+            # the second has to be needed: half of what the first leaves, or it only takes up what the base is off by
+            following = [c for c in beside if self._is_significant(c) and c.share >= self.thresholds.share]
             if following:
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:

@@ -377,6 +377,31 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     assert second_alone(needed, Thresholds()) == needed
 
 
+def leaving(share: float) -> Hypothesis:
+    """A hypothesis that leaves a share of an excess of eight times the noise's square, on both kinds of parts."""
+    left = Misfit(1000.0 * (1.0 + 8.0 * share), 1000, 1000.0)
+    total, excess = 2.0 * (1.0 + 8.0 * share), 16.0 * share
+    found = SimpleNamespace(fit=left, selection=left, total=total, excess=excess, total_at=lambda ratio: 2.0 * ratio**2)
+    return cast(Hypothesis, found)
+
+
+@pytest.mark.parametrize(("left_by_both", "is_pair"), [(0.11, False), (0.05, True)])
+def test_two_at_once_need_one_another(left_by_both: float, is_pair: bool) -> None:
+    """A court case: beside a current limit that left a fifth, a drift that took up half of that was named, too."""
+    base, both = leaving(1.0), leaving(left_by_both)
+    first = Candidate("amplifier_charge_limit", base, leaving(0.2))
+    second = Candidate("thermal_drift", first.after, both)
+
+    class Offering(Search):
+        def _candidates(self, *_: object) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+            return (second,), {}
+
+        def _is_significant(self, candidate: Candidate) -> bool:
+            return True
+
+    assert Offering()._pair(base, [first]) == ((first, second) if is_pair else ())
+
+
 class Unable(Search):
     """Cannot refit a relaxation."""
 
