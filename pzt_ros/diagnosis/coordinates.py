@@ -84,7 +84,7 @@ def coordinate(link: Link, field: str, typical: float = 0.0, run: int | None = N
 
 def of_effect(effect: Effect, link: Link, runs: Iterable[int]) -> list[Coordinate]:
     """What a fit may move of an effect that starts as `link`; what belongs to runs comes last, run by run."""
-    typical = {field: typical_value(effect, link, field) for field in effect.columns}
+    typical = {field: typical_value(effect, link, field) for field in (*effect.columns, *effect.additive)}
     shared = [field for field in effect.free if field not in effect.per_run]
     found = [coordinate(link, field, typical.get(field, 0.0)) for field in shared]
     return found + [coordinate(link, field, typical[field], run) for run in runs for field in effect.per_run]

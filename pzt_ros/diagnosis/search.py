@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
+
+import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of, share_of
 from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone, without
@@ -24,6 +26,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
+_RENEWALS, _COMES_DOWN = 3, 0.98  # times that effects are found anew, and what has to be left each time at most
 _RIVAL = 0.6  # of the best one's gain
 
 
@@ -54,8 +57,42 @@ class Search:
         """The run that began with these steps."""
         found = self._decided([*steps], base)
         while self._goes_on(found, base):
-            found = self._decided([*found, self.step(found[-1].after)], base)
+            found = self._renewed(self._decided([*found, self.step(found[-1].after)], base), base)
         return self._weighed(found)
+
+    def _renewed(self, steps: list[Step], base: Hypothesis) -> list[Step]:
+        """The steps, or with earlier effects found anew beside the last: without that, they had to bend for it."""
+        last = steps[-1]
+        if len(steps) < 2 or not last.accepted or any(step.tied for step in steps) or self.explains(steps, base):
+            return steps
+        best = last.after
+        for _ in range(_RENEWALS):
+            former = best
+            for name in [each for each in last.after.effects if each != last.accepted[-1].name]:
+                best = min((best, *self._anew(best, name)), key=lambda found: found.total)
+            if self.at_floor(best) or best.total > _COMES_DOWN * former.total:
+                break
+        if best is last.after:
+            return steps
+        found = replace(last.accepted[-1], after=best)
+        candidates = _headed_by(found, last.candidates)
+        return [*steps[:-1], replace(last, candidates=candidates, accepted=(*last.accepted[:-1], found))]
+
+    def _anew(self, found: Hypothesis, name: str) -> list[Hypothesis]:
+        """Refits with one of the effects sought once more beside the others, from several places."""
+        bare = without(found, name)
+        if bare is None:
+            return []
+        starts = [Screen(place).best(EFFECT_OF[name]) for place in self._places(bare)]
+        return [each.after for each in self._refitted(bare, [start for start in starts if start is not None])]
+
+    def _places(self, found: Hypothesis) -> Iterator[Hypothesis]:
+        """A hypothesis where it is, and with its ceramic as in the origins."""
+        yield found
+        own = found.staged.ceramic.start.size
+        for origin in self.origins():
+            vector = np.concatenate((origin.vector[:own], found.vector[own:]))
+            yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
 
     def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
         """The steps, or one more where that explains what kept the last from being decided."""
@@ -240,14 +277,14 @@ class Search:
         if not prospects:
             return []
         names = [prospect.effect.name for prospect in prospects]
-        self.progress(f"refitting with {', '.join(names)}" + _beside(before.effects))
+        self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + _beside(before.effects))
         afters = self.workers.map(_fitted, prospects, repeat(before.effects))
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
         rivals = [rival for rival in _rivals(found) if self._is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
-        better = {rival.name: after for rival, after in zip(rivals, exacts, strict=True)}
-        return [replace(candidate, after=better.get(candidate.name, candidate.after)) for candidate in found]
+        better = dict(zip(rivals, exacts, strict=True))
+        return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
 
     def _is_worth_finishing(self, candidate: Candidate) -> bool:
         asked, left = self.thresholds, candidate.after.fit.ratio

@@ -30,6 +30,7 @@ class Effect:
         free: parameters a fit may move, the amplitude included.
         per_run: those of `free` that belong to a run and not to the stage.
         linear: parameters that the output is linear in, one alone at a time; the amplitude where empty.
+        additive: those of `free` that a search moves by sums and not by ratios: 0 is a value like any other.
         spans: parameters for the middle and for half the width of the displacement that it acts on, which are given
             and not found; empty where there are none.
         needs: columns of the record without which the effect cannot be asked for.
@@ -46,6 +47,7 @@ class Effect:
     free: tuple[str, ...]
     per_run: tuple[str, ...] = ()
     linear: tuple[str, ...] = ()
+    additive: tuple[str, ...] = ()
     spans: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     absence: str = ""
