@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 
@@ -87,12 +88,13 @@ class Search:
         return [each.after for each in self._refitted(bare, [start for start in starts if start is not None])]
 
     def _places(self, found: Hypothesis) -> Iterator[Hypothesis]:
-        """A hypothesis where it is, and with its ceramic as in the origins."""
+        """A hypothesis where it is, and with its ceramic as in those origins where it can be evaluated."""
         yield found
         own = found.staged.ceramic.start.size
         for origin in self.origins():
             vector = np.concatenate((origin.vector[:own], found.vector[own:]))
-            yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
+            with suppress(BenchError):
+                yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
 
     def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
         """The steps, or one more where that explains what kept the last from being decided."""
