@@ -33,8 +33,12 @@ def prefix(columns: tuple[str, ...], count: int) -> bytes:
 
 
 def encode(columns: tuple[str, ...], arrays: tuple[Array, ...]) -> bytes:
-    """A block of one array per column [each of shape (n,)] as bytes for the wire."""
-    values = np.concatenate(arrays).reshape(len(arrays), len(arrays[0]))
+    """A block of one array per column [each of shape (n,)] as bytes for the wire.
+
+    Raises:
+        ValueError: the columns are not all as long as the first.
+    """
+    values = np.array(arrays, dtype=_DOUBLE)
     return prefix(columns, len(arrays[0])) + values.T.tobytes()
 
 

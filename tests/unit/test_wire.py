@@ -156,3 +156,8 @@ def test_numbers_can_be_read_column_by_column() -> None:
         assert_same_bits(block[name], array)
         assert block[name].flags.aligned, "compiled loops want it so"
         assert block[name].flags.c_contiguous
+
+
+def test_columns_of_other_lengths_are_refused_even_where_their_sum_fits() -> None:
+    with pytest.raises(ValueError, match="inhomogeneous"):
+        encode(("time_s", "a", "b"), (np.arange(3.0), np.arange(2.0), np.arange(4.0)))
