@@ -64,8 +64,7 @@ def _section(judged: Judged, ties: Ties, ring: tuple[Array, Array]) -> list[str]
         picture(which.key, f"{which.title}: residual"),
         "\n".join(markdown_rows(HEADS, [row.cells() for row in judged.rows])),
         f"**`pzt diagnose` says** ({judged.seconds:.0f} s): {report.verdict}",
-        f"It goes by the rule of `pzt predict`, start and zero of the test run from its first second, or from the last"
-        f" fit where that second holds next to nothing: error on the"
+        f"It goes by the rule of `pzt predict`, start and zero of the test run from {_told_by(judged)}: error on the"
         f" score part {1e9 * report.before.score:.4g} nm before, {1e9 * report.after.score:.4g} nm after"
         f"{_reaches_in(judged)} Next: {report.next_experiment}",
         *report.remarks,
@@ -77,10 +76,17 @@ def _section(judged: Judged, ties: Ties, ring: tuple[Array, Array]) -> list[str]
     return [*blocks, f"What it means. {words.MEANING[which.key]}", f"Looks at the score part: {words.LOOKS[which.key]}"]
 
 
+def _told_by(judged: Judged) -> str:
+    """What start and zero of the test run come from."""
+    if judged.test.begins_driven:
+        return "its first half, since it begins driven"
+    return "its first second, or from the last fit where that second holds next to nothing"
+
+
 def _reaches_in(judged: Judged) -> str:
     """Where that second is longer than the part that chooses."""
     time = judged.test.record.time
-    if float(time[judged.test.picks[SCORE][0]] - time[0]) >= SETTLE_TIME:
+    if judged.test.begins_driven or float(time[judged.test.picks[SCORE][0]] - time[0]) >= SETTLE_TIME:
         return "."
     return "; here that second reaches into the score part, so these two are not held out."
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from itertools import repeat
 
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
-from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
+from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.histories import with_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.errors import BenchError
@@ -22,10 +22,9 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.strain import Electrostriction
-from pzt_ros.physics.surrogate import ACCURACY, in_few_steps, surrogate_of, with_surrogate
+from pzt_ros.physics.surrogate import ACCURACY, surrogate_of
 from pzt_ros.sysid.parameters import free_parameters, without_noise
 from pzt_ros.sysid.run import Start
-from pzt_ros.sysid.start import CountedPart, settle
 
 _SCALE = "domain_polarization"
 """Strain goes with its square, so displacement alone cannot tell it from the strain's coefficient."""
@@ -34,8 +33,7 @@ _NARROWING = "domain_volume"
 """The thermal width goes with the root of its inverse."""
 
 _NARROWEST = 1e-2  # thermal width over the swing of the field
-_CLEAN = 1.1
-_SEARCHED = 4_000  # samples that a search for histories looks at
+_STEPS = 40
 _SPACING = 0.35  # of the thermal width
 _THICKNESS = 1e-4
 _ACTIVE_LENGTH = 8e-3
@@ -78,33 +76,11 @@ def fit_declared(
     quiet = without_noise(chain)
     model = _as_exact_as_seen(_ceramic_of(quiet))
     coordinates = [(link, _within_sight(link, each, runs)) for link, each in _coordinates(chain, runs)]
-    starts = [Start() for _ in runs]
     progress(f"fitting {chain.name}")
-    found = _solved(quiet, model, coordinates, runs, starts)
-    ratios = found.ratios
-    if max(ratios) > _CLEAN:
-        asked = [number for number, ratio in enumerate(ratios) if ratio > _CLEAN]
-        progress("history before " + ", ".join(runs[number].record.name for number in asked))
-        known = dict(zip(asked, workers.map(_history, repeat(found), asked), strict=True))
-        starts = [known.get(number, Start()) for number in range(len(runs))]
-        if any(start.prior_voltages for start in starts):
-            again = _solved(quiet, model, coordinates, runs, starts, found.vector)
-            found = min(found, again, key=lambda h: h.total)
+    found = _solved(quiet, model, coordinates, runs)
+    found = with_histories(found, progress, workers)
     progress(f"fitting {chain.name}, exact kinetics")
     return exact(found)
-
-
-def without_histories(declared: Hypothesis) -> Hypothesis | None:
-    """The declared model fitted with every run starting where it begins; None where it has no other starts.
-
-    A base may make up a history for what an effect does to a run, and the effect then finds nothing left to explain.
-    """
-    staged = declared.staged
-    ceramic = staged.ceramic
-    if not isinstance(ceramic, DeclaredHysteresis) or not any(start.prior_voltages for start in ceramic.starts):
-        return None
-    plain = dataclasses.replace(staged, ceramic=ceramic.with_starts([Start() for _ in staged.runs]))
-    return exact(fitted(plain, declared.vector, most_steps=40))
 
 
 def _ceramic_of(chain: Chain) -> Ferroelectric:
@@ -155,27 +131,12 @@ def _solved(
     model: Ferroelectric,
     coordinates: Sequence[tuple[Link, Coordinate]],
     runs: Sequence[RunData],
-    starts: Sequence[Start],
-    vector: np.ndarray | None = None,
 ) -> Hypothesis:
+    """Fitted with every run starting where it begins."""
     own = [each for link, each in coordinates if isinstance(link, Ferroelectric)]
     others = tuple(each for link, each in coordinates if not isinstance(link, Ferroelectric))
-    ceramic = DeclaredHysteresis(model, surrogate_of(model), own, [run.record for run in runs], starts)
+    records = [run.record for run in runs]
+    ceramic = DeclaredHysteresis(model, surrogate_of(model), own, records, [Start() for _ in runs])
     replaced = chain.with_links(lambda link: model if isinstance(link, Ferroelectric) else link)
     staged = Staged(replaced, ceramic, runs, others)
-    return fitted(staged, staged.start if vector is None else vector, most_steps=40)
-
-
-def _history(found: Hypothesis, number: int) -> Start:
-    """The shortest history of a run that its samples ask for, the parameters free to adapt where they were fitted."""
-    run = found.staged.runs[number]
-    picks = run.picks[FIT] if FIT in run.picks else run.picks[SELECTION]
-    picks = picks[:: -(-picks.size // _SEARCHED)]
-    part = CountedPart(run.record, picks, int(picks[-1]) + 1)
-    tangent = None
-    if FIT in run.picks:
-        jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
-        tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED)]
-    quick = with_surrogate(found.staged.chain_at(found.vector, number))
-    quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
-    return settle(quick, part, tangent=tangent)
+    return fitted(staged, staged.start, most_steps=_STEPS)

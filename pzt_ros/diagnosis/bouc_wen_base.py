@@ -12,7 +12,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
-from pzt_ros.diagnosis.flexible import begins_driven, beside_the_rest, driven
+from pzt_ros.diagnosis.flexible import beside_the_rest, driven
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.physics.bouc_wen import BoucWen
@@ -40,7 +40,7 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
         The best of several fits; None where a run begins driven, so that it has a past.
     """
     runs = declared.staged.runs
-    if any(begins_driven(run) for run in runs):
+    if any(run.begins_driven for run in runs):
         return None
     progress("fitting elements that slip")
     thickness, _, (low, high) = driven(declared)

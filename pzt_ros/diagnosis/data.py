@@ -13,7 +13,7 @@ from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
-from pzt_ros.sysid.run import drive_of
+from pzt_ros.sysid.run import begins_driven, drive_of
 
 Picks = NDArray[np.intp]
 
@@ -47,6 +47,11 @@ class RunData:
     def clear(self) -> NDArray[np.bool_]:
         """Samples that a model can know."""
         return ~lost_turns(self.record)
+
+    @cached_property
+    def begins_driven(self) -> bool:
+        """Whether the record has a past."""
+        return begins_driven(self.record)
 
     @property
     def has_polarization(self) -> bool:

@@ -1,4 +1,4 @@
-"""The ceramic as the chain declares it: any of the models, its parameters free, its history as fitted."""
+"""The ceramic as the chain declares it: any of the models, its parameters and the histories of the runs free."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import Start, prepared_drive
+from pzt_ros.sysid.start import prior_shares, with_shares
 
 _STEP = 1e-3
 _REMEMBERED = 3  # evaluations
 _NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
 _FAR = 0.01  # so far apart, in coordinates, two places have to be for their differences to tell a slope
+_FAR_OFF = 5.0  # rms over noise: the front model is off by a fraction of the noise of a good sensor
+_FAR_BESIDE_PASTS = 1.6  # while more than this is missing, pasts are sought that make up for it, exact or not
 _ROUGH = 6e-4  # rms of the difference over the span of P from which the front model is too far off for a run
 _WIDE, _LOOSE = 1.0, 1e-3  # thermal widths between domains, error of x+: of what takes its place
 _WIDEST = 10.0  # thermal widths between domains
@@ -37,7 +40,7 @@ class _Slope(NamedTuple):
     """How P of a run changes with each parameter, and where that was found.
 
     Attributes:
-        vector: of the parameters [shape (p,)].
+        vector: of what P of the run depends on [shape (p,)].
         voltage: across the ceramic [V, shape (n,)].
         columns: dP/dvector [C/m^2, shape (n, p)].
     """
@@ -56,10 +59,10 @@ class _Exact(NamedTuple):
     """Where a run's polarization was last exact, and what has to be added there and nearby.
 
     Attributes:
-        vector: of the parameters [shape (p,)].
+        vector: of what P of the run depends on [shape (p,)].
         voltage: across the ceramic [V, shape (n,)].
         difference: of the model and what is moved in its place [C/m^2, shape (n,)].
-        bend: how that changes with each parameter, as far as is known [C/m^2, shape (n, p)].
+        bend: how that changes along the vector, as far as is known [C/m^2, shape (n, p)].
     """
 
     vector: Array
@@ -73,9 +76,9 @@ class _Exact(NamedTuple):
         length = float(way @ way)
         alike = np.max(np.abs(self.voltage - voltage)) <= _NEAR * np.ptp(voltage)
         if not alike or length < _FAR**2:
-            return _Exact(vector.copy(), voltage, difference, self.bend if alike else np.zeros_like(self.bend))
+            return _Exact(vector, voltage, difference, self.bend if alike else np.zeros_like(self.bend))
         surprise = difference - self.difference - self.bend @ way
-        return _Exact(vector.copy(), voltage, difference, self.bend + np.outer(surprise, way / length))
+        return _Exact(vector, voltage, difference, self.bend + np.outer(surprise, way / length))
 
 
 class DeclaredHysteresis:
@@ -88,15 +91,15 @@ class DeclaredHysteresis:
     front model is worst, and its decisions on what is a reversal are cliffs in the cost; there a lattice of wide
     spacing takes its place, which on such drives takes no longer.
 
+    The vector is: the parameters, then run by run the prior reversals as a share of the voltages allowed.
+
     Args:
         model: the link, with the values to start from.
         quick: a fast model with the same parameters; the model itself where there is none.
         coordinates: its free parameters.
         records: the runs.
-        starts: their histories.
+        starts: their histories; how many prior reversals a run has is fixed here.
     """
-
-    far = 5.0  # the front model is off by a fraction of the noise of a good sensor
 
     def __init__(
         self,
@@ -109,11 +112,15 @@ class DeclaredHysteresis:
         self.model, self.quick = model, quick
         self.knows_no_rate = model.knows_no_rate
         self.coordinates = tuple(coordinates)
-        self.names = [each.name for each in coordinates]
-        self.start = np.array([each.scaled(each.start) for each in coordinates])
-        self.lower = np.array([each.bounds[0] for each in coordinates])
-        self.upper = np.array([each.bounds[1] for each in coordinates])
         self.records, self.starts = tuple(records), tuple(starts)
+        self.far = _FAR_BESIDE_PASTS if any(start.prior_voltages for start in starts) else _FAR_OFF
+        self._reversals = [len(start.prior_voltages) for start in starts]
+        shares = [share for r, s in zip(records, starts, strict=True) for share in prior_shares(r, s)]
+        self.names = [each.name for each in coordinates]
+        self.names += [f"run {run + 1} reversal {k + 1}" for run, n in enumerate(self._reversals) for k in range(n)]
+        self.start = np.array([each.scaled(each.start) for each in coordinates] + shares)
+        self.lower = np.array([each.bounds[0] for each in coordinates] + [0.0] * len(shares))
+        self.upper = np.array([each.bounds[1] for each in coordinates] + [1.0] * len(shares))
         self._exact: dict[int, _Exact] = {}  # by run
         self._rough = [False] * len(records)
         self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)
@@ -137,22 +144,22 @@ class DeclaredHysteresis:
         exact = self.link(vector)
         for number, voltage in enumerate(voltages):
             if voltage.size:
-                here = self._run(exact, number, voltage)
+                here = self._run(exact, vector, number, voltage)
                 found._rough[number] = self._rough[number]
-                difference = here - self._run(found._near(vector, number), number, voltage)
+                difference = here - self._run(found._near(vector, number), vector, number, voltage)
                 if (
                     isinstance(exact, Lattice)
                     and not found._rough[number]
                     and np.std(difference) > _ROUGH * np.ptp(here)
                 ):
                     found._rough[number] = True
-                    difference = here - self._run(found._near(vector, number), number, voltage)
-                known = self._exact.get(number)
+                    difference = here - self._run(found._near(vector, number), vector, number, voltage)
+                known, of_run = self._exact.get(number), vector[self._all_of(number)]
                 if known is None or found._rough[number] != self._rough[number]:
-                    nothing = np.zeros((voltage.size, vector.size))
-                    found._exact[number] = _Exact(vector.copy(), voltage, difference, nothing)
+                    nothing = np.zeros((voltage.size, of_run.size))
+                    found._exact[number] = _Exact(of_run, voltage, difference, nothing)
                 else:
-                    found._exact[number] = known.moved_to(vector, voltage, difference)
+                    found._exact[number] = known.moved_to(of_run, voltage, difference)
         return found
 
     def _near(self, vector: Array, number: int) -> Ferroelectric:
@@ -181,25 +188,28 @@ class DeclaredHysteresis:
 
     def _slope(self, vector: Array, number: int, voltage: Array, here: Array) -> Array:
         """dP/dvector of a run [shape (n, p)]; a search does as well with one from nearby, which costs nothing."""
+        of_run = self._all_of(number)
         known = self._slopes.get(number) if self._slopes is not None else None
-        if known is not None and known.serves(vector, voltage):
-            return known.columns
-        columns = self._differentiated(vector, number, voltage, here)
+        if known is None or not known.serves(vector[of_run], voltage):
+            known = _Slope(vector[of_run], voltage, self._differentiated(vector, number, voltage, here))
         if self._slopes is not None:
-            self._slopes[number] = _Slope(vector.copy(), voltage, columns)
+            self._slopes[number] = known
+        columns = np.zeros((here.size, vector.size))
+        columns[:, of_run] = known.columns
         return columns
 
     def _differentiated(self, vector: Array, number: int, voltage: Array, here: Array) -> Array:
-        columns = np.zeros((here.size, vector.size))
+        of_run = self._all_of(number)
+        columns = np.zeros((here.size, len(of_run)))
         near = self._near(vector, number)  # with its substeps and spacing: a difference may not see them change
-        for k in range(vector.size):
+        for column, k in enumerate(of_run):
             moved = vector.copy()
             moved[k] += _STEP if vector[k] + _STEP <= self.upper[k] else -_STEP
             try:
-                there = self._run(self._valued(near, moved), number, voltage) + self._added(moved, number)
+                there = self._run(self._valued(near, moved), moved, number, voltage) + self._added(moved, number)
             except BenchError:  # the link refuses this combination of values: taken as one that changes nothing
                 continue
-            columns[:, k] = (there - here) / (moved[k] - vector[k])
+            columns[:, column] = (there - here) / (moved[k] - vector[k])
         return columns
 
     def regularisation(self) -> tuple[Array, Array]:
@@ -207,12 +217,13 @@ class DeclaredHysteresis:
         return np.zeros((0, self.start.size)), np.zeros(0)
 
     def start_of(self, vector: Array, number: int) -> Start:
-        """The history of a run."""
-        return self.starts[number]
+        """The history of a run, with the reversals of the vector."""
+        return with_shares(self.starts[number], self.records[number], vector[self.places_of(number)])
 
     def places_of(self, number: int) -> list[int]:
-        """Unknowns that belong to one run alone: none."""
-        return []
+        """The prior reversals of a run belong to it alone."""
+        first = len(self.coordinates) + sum(self._reversals[:number])
+        return list(range(first, first + self._reversals[number]))
 
     def stiffer(self) -> list[Hysteresis]:
         """Nothing: it has no prior."""
@@ -220,7 +231,7 @@ class DeclaredHysteresis:
 
     def _all(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
         return [
-            self._run(self._near(vector, number), number, voltage) + self._added(vector, number)
+            self._run(self._near(vector, number), vector, number, voltage) + self._added(vector, number)
             for number, voltage in enumerate(voltages)
             if voltage.size
         ]
@@ -228,15 +239,19 @@ class DeclaredHysteresis:
     def _added(self, vector: Array, number: int) -> Array | float:
         """What the model has beyond what is moved in its place [C/m^2]."""
         known = self._exact.get(number)
-        return 0.0 if known is None else known.difference + known.bend @ (vector - known.vector)
+        return 0.0 if known is None else known.difference + known.bend @ (vector[self._all_of(number)] - known.vector)
+
+    def _all_of(self, number: int) -> list[int]:
+        """Where in the vector stands what P of a run depends on."""
+        return [*range(len(self.coordinates)), *self.places_of(number)]
 
     def _valued(self, model: Ferroelectric, vector: Array) -> Ferroelectric:
-        values = {each.field: each.si(float(v)) for each, v in zip(self.coordinates, vector, strict=True)}
+        values = {each.field: each.si(float(v)) for each, v in zip(self.coordinates, vector, strict=False)}
         return dataclasses.replace(model, **values)
 
-    def _run(self, link: Ferroelectric, number: int, voltage: Array) -> Array:
+    def _run(self, link: Ferroelectric, vector: Array, number: int, voltage: Array) -> Array:
         record = self.records[number]
-        rest, times, before = prepared_drive(record, self.starts[number])
+        rest, times, before = prepared_drive(record, self.start_of(vector, number))
         state = link.init(rest)
         if times.size:
             state, _ = link.step(state, Signals(time=times, voltage=before))

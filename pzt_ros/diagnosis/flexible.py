@@ -29,7 +29,6 @@ from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
 
 _STEPS = 4
-_AT_REST = 0.02  # of the largest voltage
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
 
@@ -51,7 +50,7 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     progress("identifying the density")
     runs = declared.staged.runs
     starts = [declared.staged.ceramic.start_of(declared.vector, number) for number in range(len(runs))]
-    unknown = [bool(start.prior_voltages) or begins_driven(run) for start, run in zip(starts, runs, strict=True)]
+    unknown = [bool(start.prior_voltages) or run.begins_driven for start, run in zip(starts, runs, strict=True)]
     thickness, voltages, reached = driven(declared)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     found = fit.fit(*_parts(runs, voltages, unknown))
@@ -73,7 +72,7 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
 def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
     """The same with the Preisach model; None where a run begins driven, so that it has a past."""
     runs = declared.staged.runs
-    if any(begins_driven(run) for run in runs):
+    if any(run.begins_driven for run in runs):
         return None
     progress("identifying a density that knows no rate")
     known = [False] * len(runs)
@@ -137,12 +136,6 @@ def _parts(
     numbered = list(enumerate(runs))
     measured = [_measured(run, voltages[n], unknown[n]) for n, run in numbered if FIT in run.picks]
     return measured, [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks]
-
-
-def begins_driven(run: RunData) -> bool:
-    """Whether the voltage is up already at the first sample: the record then has a past."""
-    voltage = run.record.voltage
-    return abs(float(voltage[0])) > _AT_REST * float(np.max(np.abs(voltage)))
 
 
 def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:

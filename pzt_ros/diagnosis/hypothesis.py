@@ -11,7 +11,6 @@ import numpy as np
 from pzt_ros.diagnosis.data import SELECTION
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.physics.signals import Array
-from pzt_ros.sysid.bounded_quadratic import bounded_minimum
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.gauss_newton import Solution, solve
 
@@ -19,8 +18,7 @@ _CORRECTIONS, _MOST_CORRECTIONS = 2, 4
 _CREEPS = (1.05, 1.5)  # rms over noise between which it is worth more: in a valley, or it would be farther off
 _STEPS = 8
 _STAYS = 0.01  # change of coordinates, that is 1 % of a parameter
-_ROUNDS = 2  # the strain law bends, so one linear step would not do
-_RIDGE = 1e-9
+_OWN_STEPS, _OWN_TOLERANCE = 6, 1e-3  # of what belongs to a test run alone
 
 
 @dataclass(frozen=True)
@@ -173,18 +171,46 @@ def _with_own_values(staged: Staged, vector: Array) -> Array:
     own = staged.ceramic.start.size
     low, high = staged.bounds
     rows, targets = staged.prior
-    for number, run in enumerate(staged.runs):
-        if SELECTION not in run.picks:
-            continue
+    for number in (number for number, run in enumerate(staged.runs) if SELECTION in run.picks):
         places = staged.ceramic.places_of(number)
         places += [own + k for k, each in enumerate(staged.coordinates) if each.run == number]
-        for _ in range(_ROUNDS if places else 0):
-            residuals, jacobians = staged.jacobians(found, [number], SELECTION)
-            columns, held = jacobians[0][:, places].astype(float), rows[:, places]
-            gram = columns.T @ columns + held.T @ held
-            gradient = columns.T @ residuals[0] + held.T @ (rows @ found - targets)
-            size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-            gram = gram / np.outer(size, size) + _RIDGE * np.eye(size.size)
-            room = (low - found)[places] * size, (high - found)[places] * size
-            found[places] += bounded_minimum(gram, gradient / size, *room) / size
+        if not places:
+            continue
+        alone, held = _OwnValues(staged.for_one_search(), found, number, places), rows[:, places]
+        about = targets - rows @ found + held @ found[places]
+        bounds = low[places], high[places]
+        best = solve(
+            alone, found[places], *bounds, most_steps=_OWN_STEPS, tolerance=_OWN_TOLERANCE, prior=(held, about)
+        )
+        found[places] = best.vector
     return found
+
+
+@dataclass(frozen=True)
+class _OwnValues:
+    """What a test run's selection part says of the unknowns that belong to it alone; a `gauss_newton.Problem`.
+
+    Attributes:
+        staged: the model.
+        vector: of all unknowns.
+        number: of the run.
+        places: of its own unknowns in the vector.
+    """
+
+    staged: Staged
+    vector: Array
+    number: int
+    places: list[int]
+
+    def residuals(self, own: Array) -> list[Array]:
+        outputs = self.staged.outputs(self._with(own), [self.number])
+        return [self.staged.runs[self.number].misfit(SELECTION, *outputs[0])]
+
+    def linearise(self, own: Array) -> tuple[list[Array], list[Array]]:
+        residuals, jacobians = self.staged.jacobians(self._with(own), [self.number], SELECTION)
+        return residuals, [jacobians[0][:, self.places]]
+
+    def _with(self, own: Array) -> Array:
+        vector = self.vector.copy()
+        vector[self.places] = own
+        return vector

@@ -81,9 +81,9 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
 
 
 def _settles(run: RunData) -> bool:
-    """Whether start and zero of a run are left to its first second, as of any run that a model has not seen.
+    """Whether start and zero of a run are left to its beginning, as of any run that a model has not seen.
 
-    So they are in all runs that score, unless that second holds next to nothing.
+    So they are in all runs that score, unless a second of it holds next to nothing.
     """
     time = run.record.time
     return SCORE in run.picks and int(np.searchsorted(time, time[0] + SETTLE_TIME)) >= _FEWEST_TO_SETTLE
@@ -92,16 +92,17 @@ def _settles(run: RunData) -> bool:
 def estimates(hypothesis: Hypothesis) -> dict[str, dict[str, Any]]:
     """Value, standard error and unit [SI] of every parameter of the stage; an error is null where nothing tells it."""
     staged, solution = hypothesis.staged, hypothesis.solution
-    coordinates = (*getattr(staged.ceramic, "coordinates", ()), *staged.coordinates)
-    first = staged.start.size - len(coordinates)
-    covariance, undetermined = parameter_covariance(hypothesis.jacobians, solution.residuals, slice(first, None))
+    declared = getattr(staged.ceramic, "coordinates", ())  # first in the vector; what is behind them belongs to runs
+    coordinates = (*declared, *staged.coordinates)
+    places = [*range(len(declared)), *range(staged.ceramic.start.size, staged.start.size)]
+    covariance, undetermined = parameter_covariance(hypothesis.jacobians, solution.residuals, places)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * model_error(hypothesis)
     found = {}
-    for place, each in enumerate(coordinates):
+    for number, (place, each) in enumerate(zip(places, coordinates, strict=True)):
         if each.run is None:
-            value = each.si(float(solution.vector[first + place]))
-            known = not undetermined[place] and std[place] > 0.0
-            error = float(std[place]) * abs(each.slope(value)) if known else None
+            value = each.si(float(solution.vector[place]))
+            known = not undetermined[number] and std[number] > 0.0
+            error = float(std[number]) * abs(each.slope(value)) if known else None
             found[each.name] = {"value": value, "std": error, "unit": each.unit}
     return found
 

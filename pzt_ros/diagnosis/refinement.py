@@ -8,6 +8,7 @@ from itertools import repeat
 import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate
+from pzt_ros.diagnosis.histories import renewed, with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.parallel import Workers
@@ -30,7 +31,12 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     places = [best.after]
     if _may_come_down(best.after, asked):
         places += off_bounds(best.after)
-    return (replace(best, after=taken_on(min(places, key=lambda found: found.total), asked)), *others)
+    best = replace(best, after=taken_on(min(places, key=lambda found: found.total), asked))
+    rivals = [candidate for candidate in others if candidate.fit_share >= asked.share]
+    afters = workers.map(with_histories_of, [rival.after for rival in rivals], repeat(best.after))
+    told = dict(zip(rivals, afters, strict=True))
+    others = [replace(candidate, after=told.get(candidate, candidate.after)) for candidate in others]
+    return tuple(sorted((best, *others), key=lambda c: c.after.total))
 
 
 def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:
@@ -73,7 +79,7 @@ def off_bounds(found: Hypothesis) -> list[Hypothesis]:
 def finished(found: Hypothesis, further: bool) -> Hypothesis:
     """Exact, and fitted further where it could have come further: what is left must not be taken for an effect."""
     if further:
-        found = fitted(found.staged, found.vector, found.effects, _LONG)
+        found = renewed(fitted(found.staged, found.vector, found.effects, _LONG))
     return exact(found)
 
 

@@ -92,7 +92,7 @@ class Search:
         yield found
         own = found.staged.ceramic.start.size
         for origin in self.origins():
-            vector = np.concatenate((origin.vector[:own], found.vector[own:]))
+            vector = np.concatenate((origin.vector[: origin.staged.ceramic.start.size], found.vector[own:]))
             with suppress(BenchError):
                 yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
 
@@ -346,7 +346,9 @@ class Search:
         decided = gain_of(other.after.fit, winner.after.fit) > self.thresholds.decisive
         if winner.before.selection.samples:
             decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
-        return not (decided and self.at_floor(winner.after))
+        # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
+        has_past = any(run.begins_driven for run in winner.after.staged.runs)
+        return not (decided and self.at_floor(winner.after)) or has_past
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))

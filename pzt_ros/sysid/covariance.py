@@ -77,7 +77,7 @@ def remembered(residual: Array, columns: Array) -> Array:
 
 
 def parameter_covariance(
-    jacobians: Sequence[Array], residuals: Sequence[Array], places: slice = slice(None)
+    jacobians: Sequence[Array], residuals: Sequence[Array], places: slice | Sequence[int] = slice(None)
 ) -> tuple[Array, Array]:
     """Covariance of the parameters, and which of them the data do not determine.
 
@@ -97,7 +97,7 @@ def parameter_covariance(
     _, s, vt = np.linalg.svd(np.linalg.qr(scaled, mode="r"))  # a tenth of the time of an SVD of the tall matrix
     sound = s > INDISTINCT * s[0]
     undetermined: Array = np.any(np.abs(vt[~sound][:, places]) > 0.1, axis=0)
-    gain = (vt[sound][:, places].T / s[sound] ** 2) @ (scaled @ vt[sound].T).T / size[places, None]
+    gain = (vt[sound][:, places].T / s[sound] ** 2) @ (scaled @ vt[sound].T).T / size[places][:, None]
     covariance = np.zeros((len(gain), len(gain)))
     row = 0
     for jacobian, residual in zip(jacobians, residuals, strict=True):

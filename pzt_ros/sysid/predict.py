@@ -14,9 +14,10 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.noise import noise_floor
+from pzt_ros.sysid.occupancy import has_lattice, settle_occupancy
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
-from pzt_ros.sysid.run import Span, Start, free_run, rms, typical_leg
+from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
 from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
@@ -36,6 +37,7 @@ class Prediction:
         error: measurement minus prediction [m]; empty where the run has no measurement.
         span: peak to peak of the measurement in the part [m].
         noise: its noise floor [m].
+        told: samples at its beginning from which the past was found; they are predicted, but count in no figure.
     """
 
     signals: Signals
@@ -44,21 +46,22 @@ class Prediction:
     error: Array
     span: float
     noise: float
+    told: int = 0
 
     @property
     def rms(self) -> float:
         """Of the error [m]."""
-        return rms(self.error)
+        return rms(self.error[self.told :])
 
     def as_data(self) -> dict[str, Any]:
         """For programs: SI with the unit in the name; the error figures are null without a measurement."""
         known = self.error.size > 0
         return {
-            "from_s": float(self.signals.time[0]),
+            "from_s": float(self.signals.time[self.told]),
             "until_s": float(self.signals.time[-1]),
-            "samples": int(self.signals.time.size),
+            "samples": int(self.signals.time.size) - self.told,
             "rms_m": self.rms if known else None,
-            "max_m": float(np.max(np.abs(self.error))) if known else None,
+            "max_m": float(np.max(np.abs(self.error[self.told :]))) if known else None,
             "nrmse": self.rms / self.span if known and self.span > 0.0 else None,
             "span_m": self.span if known else None,
             "noise_rms_m": self.noise if known else None,
@@ -87,37 +90,55 @@ def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  #
     """
     model = without_noise(chain)
     first, after = span.of(record)
-    start, rule = _start_of(chain, model, record, span)
+    start, rule, until = _start_of(chain, model, record, span)
+    told = int(np.searchsorted(record.time[first:after], until)) if until is not None else 0
     signals = free_run(model, record, start, slice(first, after), after)
     if "displacement_m" not in record.columns:
         return Prediction(signals, start, rule, np.empty(0), 0.0, 0.0)
     measured = record.displacement[first:after]
     error = measured - signals.displacement
-    return Prediction(signals, start, rule, error, float(np.ptp(measured)), noise_floor(measured).rms)
+    return Prediction(signals, start, rule, error, float(np.ptp(measured)), noise_floor(measured).rms, told)
 
 
-def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[Start, str]:
-    """History and offset for a run, and in words by which rule."""
+def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[Start, str, float | None]:
+    """History and offset for a run, in words by which rule, and until when its past was looked for [s], if it was."""
     known = fitted_starts(chain)
     if record.sha256 in known:
-        return known[record.sha256], "as fitted to this run"
+        return known[record.sha256], "as fitted to this run", None
     base, settle_time, own = _rule_for_others(chain, record)
     if "displacement_m" not in record.columns:
-        return base, "no measurement to take them from: the model's history, offset 0"
+        return base, "no measurement to take them from: the model's history, offset 0", None
     least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
+    until = None
     if span.start is not None and span.start > least:
         part = Span(None, math.nextafter(span.start, -math.inf))
         rule = f"from the part before {span.start:.6g} s"
+    elif begins_driven(record):
+        until = float(0.5 * (record.time[0] + record.time[-1]))
+        part = Span(None, math.nextafter(until, -math.inf))
+        rule = f"the run begins driven: its past from what comes before {until:.6g} s"
     else:
         end = max(float(record.time[0]) + settle_time, least)
         part = Span(None, end)
         rule = f"from the first {end - record.time[0]:.3g} s of the run"
     counted = counted_part(record, part, _MOST_TO_SETTLE)
     noise = noise_floor(record.displacement).rms
-    if not base.occupancy:  # a grid of occupancies tells more than prior reversals could
-        base = settle(model, counted, base, noise=noise)
+    found = _past_of(model, counted, base, list(known.values()), noise)
     expected = {name: _expected(known.values(), name) for name in own}
-    return with_offset(model, counted, with_own_values_fitted(model, counted, base, expected, noise)), rule
+    return with_offset(model, counted, with_own_values_fitted(model, counted, found, expected, noise)), rule, until
+
+
+def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[Start], noise: float) -> Start:
+    """As short a past as the samples ask for; hardly any of a run from rest."""
+    if not begins_driven(counted.record):
+        return base if base.occupancy else settle(model, counted, [base], noise=noise)
+    if has_lattice(model):
+        return settle_occupancy(model, counted, fitted, noise)
+    bases = [replace(base, prior_voltages=())]
+    poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
+    if poled:
+        bases.append(replace(base, prior_voltages=(float(np.median(poled)),)))
+    return settle(model, counted, bases, noise=noise)
 
 
 def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.parameters import FreeParameter, with_values
 from pzt_ros.sysid.run import Start, free_run, rms
-from pzt_ros.sysid.start import CountedPart, voltage_bounds
+from pzt_ros.sysid.start import CountedPart, prior_shares, with_shares
 
 STEP = 1e-3
 """Difference step of the coordinates: a share of the value or of the range; the integration's noise is far below it."""
@@ -50,10 +50,9 @@ class Problem:
         return np.array(
             [p.to_scaled(p.value) for p in self.free]
             + [
-                (voltage - low) / (high - low)
+                share
                 for part, start in zip(self.parts, self.starts, strict=True)
-                for low, high in [voltage_bounds(part.record)]
-                for voltage in start.prior_voltages
+                for share in prior_shares(part.record, start)
             ]
         )
 
@@ -71,12 +70,8 @@ class Problem:
     def starts_at(self, vector: Array) -> list[Start]:
         """The histories of the vector; their offsets are as they were."""
         left = [float(share) for share in vector[len(self.free) :]]
-        starts = []
-        for part, start in zip(self.parts, self.starts, strict=True):
-            low, high = voltage_bounds(part.record)
-            shares = [left.pop(0) for _ in start.prior_voltages]
-            starts.append(replace(start, prior_voltages=tuple(low + share * (high - low) for share in shares)))
-        return starts
+        pairs = zip(self.parts, self.starts, strict=True)
+        return [with_shares(start, part.record, [left.pop(0) for _ in start.prior_voltages]) for part, start in pairs]
 
     def residuals(self, vector: Array) -> list[Array]:
         """Measurement minus model of every run, its mean taken out [m, each shape (n,)]."""

@@ -16,6 +16,8 @@ from pzt_ros.records import Record
 CHUNK = 250_000
 """Samples that run through a chain at once; bounds the memory that long records take."""
 
+_AT_REST = 0.02  # of the largest voltage
+
 
 @dataclass(frozen=True)
 class Span:
@@ -64,6 +66,11 @@ class Start:
         if not self.prior_voltages:
             return "the chain's own initial state"
         return "prior reversals at " + ", ".join(f"{v:.4g}" for v in self.prior_voltages) + " V"
+
+
+def begins_driven(record: Record) -> bool:
+    """Whether the voltage is up already at the first sample: the record then has a past."""
+    return abs(float(record.voltage[0])) > _AT_REST * float(np.max(np.abs(record.voltage)))
 
 
 def typical_leg(record: Record) -> float:

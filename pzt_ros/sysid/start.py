@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,17 +22,19 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.physics.surrogate import with_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
-from pzt_ros.sysid.run import Span, Start, free_run, rms, typical_leg
+from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
 
-LONGEST = 2
-"""Prior reversals tried at most; methods tried with four gain a little and cost much."""
+LONGEST, LONGEST_FROM_REST = 8, 2
+"""Prior reversals at most of a run that begins driven: inside minor loops it takes one to four to come down to the
+noise; and of one that begins at rest, where more of them would make up for what is missing in the model."""
+
+_GUESSED = 2  # reversals of a first guess
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
 _LEVELS = 7
 _CLEAN = 1.05  # rms over noise
-_HOPELESS = 2.0  # rms of the best on the grid over what it has to beat, from which refining it is not worth while
-_REFINED = 4
+_REFINED = 2
 PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
 
@@ -69,6 +71,18 @@ def voltage_bounds(record: Record) -> tuple[float, float]:
     return low - 0.5 * (high - low), high + 0.5 * (high - low)
 
 
+def prior_shares(record: Record, start: Start) -> list[float]:
+    """The prior reversals of a start as shares of the voltages where they are looked for [-]."""
+    low, high = voltage_bounds(record)
+    return [(voltage - low) / (high - low) for voltage in start.prior_voltages]
+
+
+def with_shares(start: Start, record: Record, shares: Sequence[float] | Array) -> Start:
+    """A start with its prior reversals at shares of the voltages where they are looked for."""
+    low, high = voltage_bounds(record)
+    return replace(start, prior_voltages=tuple(low + (high - low) * float(share) for share in shares))
+
+
 def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
     """The best of the grid with no, one and two prior reversals, for a chain that is not fitted yet.
 
@@ -76,11 +90,15 @@ def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
     """
     misfit = _misfit_of(chain, part, any_scale=True)
     leg = typical_leg(part.record)
-    return [Start(leg=leg)] + [_best_of_grid(misfit, part.record, count, leg)[0] for count in range(1, LONGEST + 1)]
+    return [Start(leg=leg)] + [_best_of_grid(misfit, part.record, count, leg)[0] for count in range(1, _GUESSED + 1)]
 
 
 def settle(
-    chain: Chain, part: CountedPart, base: Start | None = None, tangent: Array | None = None, noise: float = 0.0
+    chain: Chain,
+    part: CountedPart,
+    bases: Sequence[Start] = (),
+    tangent: Array | None = None,
+    noise: float = 0.0,
 ) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
 
@@ -89,7 +107,7 @@ def settle(
     Args:
         chain: with its parameters fixed.
         part: what may be looked at.
-        base: history to start from; one without prior reversals where None.
+        bases: histories to start from; one without prior reversals where there are none.
         tangent: how the counted samples change with the parameters [shape (n, p)]; a history is then judged by what is
             left when the parameters adapt to it, or those fitted to a wrong history would defend it.
         noise: of the displacement [m]; a history that leaves no more than that is not questioned.
@@ -97,23 +115,37 @@ def settle(
     misfit = _misfit_of(chain, part, tangent=tangent)
     quick = with_surrogate(chain)
     searched = misfit if quick is chain else _misfit_of(quick, part, tangent=tangent)
-    leg = typical_leg(part.record)
-    best = replace(base, offset=0.0) if base else Start(leg=leg)
+    begins = [replace(base, offset=0.0) for base in bases] or [Start(leg=typical_leg(part.record))]
     low, high = voltage_bounds(part.record)
     if low == high:  # nothing was driven, so no reversal could be told from another
-        return with_offset(chain, part, best)
-    best_residual = misfit(best)
-    for count in range(1, LONGEST + 1):
-        if rms(best_residual) <= _CLEAN * noise:
-            break
-        near = _best_of_grid(searched, part.record, count, leg)
-        if rms(searched(near[0])) > _HOPELESS * rms(searched(best)):
-            break
-        start = _refined(searched, near, part.record)
-        residual = misfit(start)
-        if _pays(best_residual, residual, max(1, count - len(best.prior_voltages))):
-            best, best_residual = start, residual
+        return with_offset(chain, part, begins[0])
+    found = [_grown(misfit, searched, begin, part.record, _CLEAN * noise) for begin in begins]
+    best = min(found, key=lambda each: _price(each, misfit(each))) if len(found) > 1 else found[0]
     return with_offset(chain, part, best)
+
+
+def _grown(
+    misfit: Callable[[Start], Array],
+    searched: Callable[[Start], Array],
+    best: Start,
+    record: Record,
+    clean: float,
+) -> Start:
+    """A history with as many more reversals as pay, until no more than `clean` is left [m]."""
+    longest = LONGEST if begins_driven(record) else LONGEST_FROM_REST
+    best_residual, sought = misfit(best), searched(best)
+    while len(best.prior_voltages) < longest and rms(best_residual) > clean:
+        longer = [each for each in _longer(searched, best, record) if len(each.prior_voltages) <= longest]
+        seen = [(start, searched(start)) for start in longer]
+        paying = [(start, left) for start, left in seen if _pays(sought, left, _more(start, best))]
+        if not paying:
+            break
+        start, left = min(paying, key=lambda pair: _price(*pair))
+        residual = misfit(start)
+        if not _pays(best_residual, residual, _more(start, best)):
+            break
+        best, best_residual, sought = start, residual, left
+    return best
 
 
 def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
@@ -140,6 +172,23 @@ def _misfit_of(
     return misfit
 
 
+def _longer(misfit: Callable[[Start], Array], start: Start, record: Record) -> list[Start]:
+    """The best histories with one reversal more at the end, and with two more anywhere, each refined.
+
+    One more reversal in the middle is passed over by a ramp between its neighbours, so there it takes two.
+    """
+    levels = [float(level) for level in np.linspace(*voltage_bounds(record), _LEVELS + 2)[1:-1]]
+    known = start.prior_voltages
+    one = [(*known, level) for level in levels]
+    two = [(*known[:k], *pair, *known[k:]) for k in range(len(known) + 1) for pair in itertools.permutations(levels, 2)]
+    found = []
+    for voltages in (one, two):
+        starts = [replace(start, prior_voltages=each) for each in voltages]
+        near = sorted(starts, key=lambda each: float(np.sum(misfit(each) ** 2)))[:_REFINED]
+        found += [_refined(misfit, each, record) for each in near]
+    return found
+
+
 def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, leg: float) -> list[Start]:
     levels = np.linspace(*voltage_bounds(record), _LEVELS)
     starts = [
@@ -150,30 +199,27 @@ def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, 
     return sorted(starts, key=lambda start: float(np.sum(misfit(start) ** 2)))[:_REFINED]
 
 
-def _refined(misfit: Callable[[Start], Array], tried: list[Start], record: Record) -> Start:
-    """The best that local search makes of a few starts; there are several minima, so one start is not enough."""
-    low, high = voltage_bounds(record)
-    unit = high - low
-    unit_of_misfit = max(rms(misfit(tried[0])), 1e-15)  # the tolerances of the search want numbers of order 1
+def _refined(misfit: Callable[[Start], Array], start: Start, record: Record) -> Start:
+    """What local search makes of a start; the start itself where that is no better."""
+    unit = max(rms(misfit(start)), 1e-15)  # the tolerances of the search want numbers of order 1
+    found = _least_squares(
+        lambda shares: misfit(with_shares(start, record, shares)) / unit,
+        np.clip(prior_shares(record, start), 0.02, 0.98),
+        bounds=(0.0, 1.0),
+        diff_step=1e-3,
+        xtol=1e-4,
+        max_nfev=6,
+    )
+    return with_shares(start, record, found.x) if rms(found.fun) < 1.0 else start
 
-    def start_of(shares: Array) -> Start:
-        return replace(tried[0], prior_voltages=tuple(float(low + unit * share) for share in shares))
 
-    best, least = tried[0], float(np.sum(misfit(tried[0]) ** 2))
-    for start in tried:
-        begin = np.clip((np.array(start.prior_voltages) - low) / unit, 0.02, 0.98)
-        found = _least_squares(
-            lambda shares: misfit(start_of(shares)) / unit_of_misfit,
-            begin,
-            bounds=(0.0, 1.0),
-            diff_step=1e-3,
-            xtol=1e-4,
-            max_nfev=15,
-        )
-        ssr = 2.0 * found.cost * unit_of_misfit**2
-        if ssr < least:
-            best, least = start_of(found.x), ssr
-    return best
+def _more(longer: Start, start: Start) -> int:
+    return len(longer.prior_voltages) - len(start.prior_voltages)
+
+
+def _price(start: Start, residual: Array) -> float:
+    """What is left and what the reversals cost, to be compared between histories of one run."""
+    return residual.size * math.log(max(rms(residual), 1e-30)) + PRICE * len(start.prior_voltages)
 
 
 def _pays(before: Array, after: Array, reversals: int) -> bool:

@@ -30,7 +30,7 @@ def searched(link: Lattice) -> DeclaredHysteresis:
     time = np.arange(0.0, 2.0, 2e-3)
     voltage = 60.0 - 60.0 * np.cos(2.0 * np.pi * time)
     record = Record("loop", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
-    return DeclaredHysteresis(link, link, [coordinate(link, "domain_volume")], [record], [])
+    return DeclaredHysteresis(link, link, [coordinate(link, "domain_volume")], [record], [Start()])
 
 
 def domains(link: Lattice) -> int:
@@ -91,7 +91,7 @@ def test_a_search_knows_how_the_difference_changed_on_its_way() -> None:
     way = ceramic.exact_at(before, voltages).exact_at(after, voltages)
 
     def missed(searching: DeclaredHysteresis, vector: Array) -> float:
-        exact = searching._run(searching.link(vector), 0, voltages[0])
+        exact = searching._run(searching.link(vector), vector, 0, voltages[0])
         return float(np.std(searching.polarization(vector, voltages)[0] - exact))
 
     assert missed(way, after) < 1e-12

@@ -1,0 +1,164 @@
+"""What happened before each run, as the declared model sees it: sought and fitted in turn with all else.
+
+Parameters that were fitted to wrong histories defend those, and histories that were sought while an effect was missing
+make up for it. So histories are sought more than once, and anew beside an effect.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from itertools import repeat
+
+import numpy as np
+
+from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
+from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
+from pzt_ros.sysid.run import Start, typical_leg
+from pzt_ros.sysid.start import CountedPart, first_guesses, settle
+
+_CLEAN = 1.1  # rms over noise of a run whose history is not asked for
+_ROUNDS, _GAINED = 4, 0.98  # of histories and all else in turn; until less is gained
+_STEPS = 40
+_SEARCHED = 4_000  # samples that a search for histories looks at
+
+
+def with_histories(found: Hypothesis, progress: Progress, workers: Workers) -> Hypothesis:
+    """With as short a history before each run as its samples ask for, fitted together with the parameters.
+
+    Args:
+        found: fitted with every run starting where it begins.
+        progress: is told what is being done.
+        workers: look for the histories side by side.
+    """
+    runs, asked = found.staged.runs, _not_clean(found)
+    if not asked:
+        return found
+    progress("history before " + ", ".join(runs[number].record.name for number in asked))
+    if any(runs[number].begins_driven for number in asked):
+        found = _from_first_guesses(found, asked, workers)
+    again = _refitted(found, _histories(found, asked, workers))
+    return renewed(min(found, again, key=_total), workers)
+
+
+def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
+    """With histories sought anew for the runs that begin driven and are not described to the noise; else as it is."""
+    if not isinstance(found.staged.ceramic, DeclaredHysteresis):
+        return found
+    for _ in range(_ROUNDS):
+        asked = [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
+        if not asked:
+            break
+        again = _refitted(found, _histories(found, asked, workers))
+        if again.total > _GAINED * found.total:
+            return min(found, again, key=_total)
+        found = again
+    return found
+
+
+def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
+    """Refitted from the histories of another on the same base; as it is where that is no better, or knows none.
+
+    Which histories a search finds is partly luck, and effects are to be compared on equal terms.
+    """
+    ceramic, vector = other.staged.ceramic, other.vector
+    both = isinstance(ceramic, DeclaredHysteresis) and isinstance(found.staged.ceramic, DeclaredHysteresis)
+    if not both or not any(run.begins_driven for run in other.staged.runs):
+        return found
+    starts = {number: ceramic.start_of(vector, number) for number in range(len(other.staged.runs))}
+    return min(found, exact(_refitted(found, starts)), key=_total)
+
+
+def without_histories(declared: Hypothesis) -> Hypothesis | None:
+    """The declared model fitted with every run starting where it begins; None where that is as it is, or nonsense.
+
+    A base may make up a history for what an effect does to a run, and the effect then finds nothing left to explain.
+    """
+    staged = declared.staged
+    ceramic = staged.ceramic
+    if not isinstance(ceramic, DeclaredHysteresis) or not any(start.prior_voltages for start in ceramic.starts):
+        return None
+    if any(run.begins_driven for run in staged.runs):
+        return None
+    return exact(_refitted(declared, {number: Start() for number in range(len(staged.runs))}))
+
+
+def _not_clean(found: Hypothesis) -> list[int]:
+    """Indices of the runs of which so much is left that they may have a history."""
+    return [number for number, ratio in enumerate(found.ratios) if ratio > _CLEAN]
+
+
+def _total(found: Hypothesis) -> float:
+    return found.total
+
+
+def _from_first_guesses(found: Hypothesis, asked: Sequence[int], workers: Workers) -> Hypothesis:
+    """The best of fits that begin as declared, some runs with the best short history of a kind each.
+
+    A fit of a run that has a past to a model without one leads nowhere from where its past could be seen.
+    """
+    staged = found.staged
+    begin = dataclasses.replace(found, vector=staged.start)
+    chain = with_surrogate(staged.chain_at(staged.start))
+    guesses = list(workers.map(first_guesses, repeat(chain), [_part(staged.runs[number]) for number in asked]))
+    tried = [_refitted(begin, dict(zip(asked, starts, strict=True))) for starts in zip(*guesses, strict=True)]
+    return min((found, *tried), key=_total)
+
+
+def _refitted(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:
+    """Fitted with other histories of some runs, from where it is."""
+    staged, begin = found.staged, found.vector
+    ceramic = staged.ceramic
+    assert isinstance(ceramic, DeclaredHysteresis)
+    starts = [known.get(number, ceramic.start_of(begin, number)) for number in range(len(staged.runs))]
+    other = dataclasses.replace(staged, ceramic=ceramic.with_starts(starts))
+    first, last = len(ceramic.coordinates), begin.size - len(staged.coordinates)
+    histories = other.start[first : other.start.size - len(staged.coordinates)]
+    return fitted(other, np.concatenate((begin[:first], histories, begin[last:])), found.effects, _STEPS)
+
+
+def _part(run: RunData) -> CountedPart:
+    """What a search for its history may look at."""
+    picks = run.picks[FIT] if FIT in run.picks else run.picks[SELECTION]
+    picks = picks[:: -(-picks.size // _SEARCHED)]
+    return CountedPart(run.record, picks, int(picks[-1]) + 1)
+
+
+def _histories(found: Hypothesis, asked: Sequence[int], workers: Workers) -> dict[int, Start]:
+    return dict(zip(asked, workers.map(_history, repeat(found), asked), strict=True))
+
+
+def _history(found: Hypothesis, number: int) -> Start:
+    """The shortest history of a run that its samples ask for, the parameters free to adapt where they were fitted."""
+    run = found.staged.runs[number]
+    part = _part(run)
+    tangent = None
+    if FIT in run.picks:
+        jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
+        tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)]
+    quick = with_surrogate(found.staged.chain_at(found.vector, number))
+    quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
+    return settle(quick, part, _bases(found, number), tangent, run.noise)
+
+
+def _bases(found: Hypothesis, number: int) -> list[Start]:
+    """From where to seek the history of a run: as it is, and as runs begin in the median, poled most likely."""
+    numbers = range(len(found.staged.runs))
+    starts = [found.staged.ceramic.start_of(found.vector, each) for each in numbers]
+    here, run = starts[number], found.staged.runs[number]
+    known = [start.prior_voltages[0] for start in starts if start.prior_voltages]
+    if not known or not run.begins_driven:
+        return [Start(leg=typical_leg(run.record))]
+    poled = dataclasses.replace(here, prior_voltages=(float(np.median(known)),))
+    return [here, poled] if here.prior_voltages not in ((), poled.prior_voltages) else [poled]
+
+
+def _parameters_of(found: Hypothesis) -> list[int]:
+    """Where the vector has what is not the history of a run."""
+    places = range(found.vector.size)
+    histories = {place for number in range(len(found.staged.runs)) for place in found.staged.ceramic.places_of(number)}
+    return [place for place in places if place not in histories]

@@ -1,0 +1,207 @@
+"""Runs that begin inside minor loops which nobody recorded: their past is found, and the rest of them is predicted."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pzt_benchmarks.residual_court.cases import RIGHT, Case, Spec, make_case
+from pzt_benchmarks.residual_court.files import write_case
+from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.data import split
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.outcome import model_of
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.identified_hats import node_count
+from pzt_ros.physics.identified_lattice import IdentifiedLattice
+from pzt_ros.physics.lattice import Lattice
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.physics.strain_law import StrainLaw
+from pzt_ros.records import Record, read_csv
+from pzt_ros.sysid.occupancy import _Past, settle_occupancy
+from pzt_ros.sysid.predict import predict
+from pzt_ros.sysid.run import Span, Start, begins_driven, free_run
+from pzt_ros.sysid.start import counted_part
+
+NOISE = 12e-9
+MODEL_LINK = Lattice(
+    coercive_field=4.9e5,
+    coercive_field_spread=4.0e11,
+    interaction_field_spread=6.0e11,
+    relaxation_time=6e-4,
+    domain_volume=1.2e-22,
+    layer_thickness=1e-4,
+)
+TRUE_LINK = dataclasses.replace(MODEL_LINK, spacing=0.25, accuracy=1e-6)
+STRAIN = Electrostriction(coefficient=0.022, active_length=8e-3)
+TRUTH, MODEL = Chain("truth", (TRUE_LINK, STRAIN)), Chain("model", (MODEL_LINK, STRAIN))
+RATE = 500.0
+
+
+def to(*turns: float) -> Array:
+    """From 0 V through turning points at 150 V/s [V]."""
+    pieces, last = [np.zeros(1)], 0.0
+    for turn in turns:
+        count = max(2, round(abs(turn - last) / 150.0 * RATE))
+        pieces.append(last + (turn - last) * np.arange(1, count + 1) / count)
+        last = turn
+    return np.concatenate(pieces)
+
+
+def begun_inside(chain: Chain, hidden: Sequence[float], shown: Sequence[float], seed: int) -> Record:
+    """What is recorded of a chain after turns that nobody recorded."""
+    voltage = to(*hidden, *shown)
+    time = np.arange(voltage.size) / RATE
+    _, out = chain.step(chain.init(Rest()), Signals(time=time, voltage=voltage))
+    first = to(*hidden).size - 1
+    noise = NOISE * np.random.default_rng(seed).standard_normal(voltage.size - first)
+    measured = out.displacement[first:] + noise
+    return Record(
+        f"run {seed}",
+        {"time_s": time[first:] - time[first], "voltage_V": voltage[first:], "displacement_m": measured},
+    )
+
+
+MINOR = (
+    40.0,
+    115.0,
+    5.0,
+    90.0,
+    -15.0,
+    125.0,
+    20.0,
+    70.0,
+    30.0,
+    110.0,
+    -5.0,
+    128.0,
+    60.0,
+    100.0,
+    10.0,
+    126.0,
+    0.0,
+    60.0,
+)
+INSIDE = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR, 1)
+
+
+def second_half(record: Record) -> Span:
+    return Span(float(0.5 * record.time[-1]), None)
+
+
+def test_the_second_half_is_predicted_to_the_noise() -> None:
+    assert begins_driven(INSIDE)
+    found = predict(MODEL, INSIDE)
+    assert found.rms < 1.1 * NOISE
+    assert found.start.prior_voltages[0] > 126.0, "a poling beyond what the run reaches"
+    bare = Start(offset=found.start.offset)
+    virgin, _ = _error(MODEL, INSIDE, bare)
+    assert virgin > 10 * NOISE, "the past is no small matter here"
+
+
+def _error(chain: Chain, record: Record, start: Start) -> tuple[float, Array]:
+    first, after = second_half(record).of(record)
+    left = record.displacement[first:after] - free_run(chain, record, start, slice(first, after), after).displacement
+    return float(np.std(left)), left
+
+
+def test_what_the_past_is_found_from_counts_in_no_figure() -> None:
+    found = predict(MODEL, INSIDE)
+    data = found.as_data()
+    assert found.error.size == len(INSIDE)
+    assert data["samples"] == found.error.size - found.told
+    assert data["from_s"] == pytest.approx(0.5 * INSIDE.time[-1], abs=2 / RATE)
+    assert data["rms_m"] == pytest.approx(np.sqrt(np.mean(found.error[found.told :] ** 2)))
+    assert "begins driven" in data["rule"]
+    spoiled = INSIDE.displacement.copy()
+    spoiled[found.told :] += 1e-6
+    other = predict(MODEL, Record("spoiled", {**INSIDE.columns, "displacement_m": spoiled}))
+    assert other.start == found.start, "the half that is judged says nothing about the past"
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    """Runs of the court's generator, which shares no code with the library."""
+    return make_case(Spec("unknown_start", RIGHT, protocol="unknown_start", seed=71))
+
+
+def test_parameters_and_pasts_are_found_together(case: Case, tmp_path: Path) -> None:
+    """All runs begin inside minor loops; what was fitted comes down to the noise, and so does half a run never seen."""
+    files = write_case(case, tmp_path)
+    train, test, score = ([read_csv(path) for path in paths] for paths in (files.train, files.test, files.score))
+    assert files.declared is not None
+    runs = split(with_floors((*train, *test))[: len(train)], with_floors((*train, *test))[len(train) :])
+    found = fit_declared(load_chain(files.declared), runs, lambda text: None)
+    assert max(found.ratios) < 1.1
+    model = model_of(found, "model", "")
+    assert predict(model, score[0]).rms < 1.1 * NOISE
+
+
+def test_reversals_are_unknowns_of_their_run_alone() -> None:
+    runs = [INSIDE, begun_inside(TRUTH, (150.0,), MINOR, 4)]
+    starts = [Start((140.0, 30.0), 0.5), Start((145.0,), 0.5)]
+    ceramic = DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [], runs, starts)
+    assert ceramic.names == ["run 1 reversal 1", "run 1 reversal 2", "run 2 reversal 1"]
+    assert [ceramic.places_of(number) for number in (0, 1)] == [[0, 1], [2]]
+    for number, start in enumerate(starts):
+        np.testing.assert_allclose(ceramic.start_of(ceramic.start, number).prior_voltages, start.prior_voltages)
+    voltages = [run.voltage for run in runs]
+    here, (first, second) = ceramic.tangent(ceramic.start, voltages)
+    assert not np.any(first[:, 2])
+    assert not np.any(second[:, :2])
+    step = 5e-4
+    moved = ceramic.polarization(ceramic.start + np.array([0.0, step, 0.0]), voltages)[0]
+    np.testing.assert_allclose(first[:, 1], (moved - here[0]) / step, atol=0.05 * np.max(np.abs(first[:, 1])))
+
+
+LATTICE = IdentifiedLattice(layer_thickness=1e-4, settling_time=0.02)
+IDENTIFIED = Chain("identified", (LATTICE, StrainLaw(linear=2e-5, quadratic=3e-5)))
+
+
+def occupied(seed: int) -> Record:
+    """Of an identified lattice that begins with some occupancy."""
+    record = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR, seed)
+    rng = np.random.default_rng(seed)
+    occupancy = rng.uniform(0.0, 1.0, node_count(13))
+    state = IDENTIFIED.init(Rest(0.0, float(record.voltage[0]), occupancy=occupancy))
+    _, out = IDENTIFIED.step(state, Signals(time=record.time, voltage=record.voltage))
+    measured = out.displacement + NOISE * rng.standard_normal(len(record)) + 2e-6
+    return Record(f"occupied {seed}", {**record.columns, "displacement_m": measured})
+
+
+def test_occupancies_are_found_and_predict_the_rest() -> None:
+    record = occupied(5)
+    found = predict(IDENTIFIED, record)
+    assert found.start.occupancy
+    assert found.rms < 1.2 * NOISE
+    plain, _ = _error(IDENTIFIED, record, dataclasses.replace(found.start, occupancy=(0.5,) * node_count(13)))
+    assert plain > 1.3 * found.rms, "the past matters"
+
+
+def test_columns_of_occupancies_are_what_differences_say() -> None:
+    record = occupied(6)
+    part = counted_part(record, Span(None, 2.0), 200)
+    past = _Past(IDENTIFIED, part, node_count(13), NOISE)
+    here = np.full(node_count(13), 0.4)
+    (before,), (columns,) = past.linearise(here)
+    for place in np.argsort(-np.abs(columns).sum(axis=0))[:5]:
+        moved = here.copy()
+        moved[place] += 1e-3
+        slope = (past.residuals(moved)[0] - before) / 1e-3
+        np.testing.assert_allclose(columns[:, place], slope, atol=2e-2 * np.max(np.abs(slope)))
+
+
+def test_where_nothing_tells_it_is_as_in_the_fitted_runs() -> None:
+    """A run that stands still says nothing of its past."""
+    time = np.arange(50) / RATE
+    still = Record("still", {"time_s": time, "voltage_V": np.full(50, 60.0), "displacement_m": np.full(50, 1e-6)})
+    known = [Start(occupancy=(share,) * node_count(13)) for share in (0.2, 0.4)]
+    found = settle_occupancy(IDENTIFIED, counted_part(still, Span(), 50), known, NOISE)
+    assert np.median(found.occupancy) == pytest.approx(0.3, abs=0.02)
