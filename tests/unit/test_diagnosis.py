@@ -484,6 +484,18 @@ def test_a_drift_is_not_put_first_by_values_of_its_own_where_nothing_was_fitted(
     assert search._is_as_good(drift, relaxation) is tied
 
 
+@pytest.mark.parametrize("driven", [False, True])
+def test_beside_an_unknown_past_no_likelihood_decides(driven: bool) -> None:
+    """A court case: a mode that left 0.4 % less than the lag that was there was named."""
+    before = misfitting(2.0, 2.0)
+    mode = Candidate("mechanical_resonance", before, misfitting(1.02, 1.0))
+    lag = Candidate("sensor_lag", before, misfitting(1.04, 1.03))
+    mode.after.staged = SimpleNamespace(runs=[SimpleNamespace(begins_driven=driven)])  # type: ignore[misc, assignment]
+    assert Search()._is_as_good(mode, lag) is driven
+    worse = Candidate("slow_relaxation", before, misfitting(1.5, 1.5))
+    assert not Search()._is_as_good(mode, worse)
+
+
 def test_a_freed_strain_law_keeps_what_else_is_sought() -> None:
     base = hypothesis()
     law = StrainLaw()

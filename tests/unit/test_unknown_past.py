@@ -16,6 +16,8 @@ from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.histories import with_histories_of
+from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.identified_hats import node_count
@@ -142,6 +144,19 @@ def test_parameters_and_pasts_are_found_together(case: Case, tmp_path: Path) -> 
     assert max(found.ratios) < 1.1
     model = model_of(found, "model", "")
     assert predict(model, score[0]).rms < 1.1 * NOISE
+
+
+def test_rivals_are_told_the_history_of_the_best() -> None:
+    runs = split(with_floors((INSIDE,)), [])
+    good = fit_declared(dataclasses.replace(MODEL, notes={"free": ["electrostriction.coefficient"]}), runs, print)
+    assert isinstance(good.staged.ceramic, DeclaredHysteresis)
+    lost = good.staged.ceramic.with_starts([Start((60.0,), 0.5)])
+    staged = dataclasses.replace(good.staged, ceramic=lost)
+    bad = fitted(staged, staged.start, most_steps=20)
+    assert bad.fit.ratio > 2.0
+    told = with_histories_of(bad, good)
+    assert told.fit.ratio == pytest.approx(good.fit.ratio, rel=0.02)
+    assert with_histories_of(good, bad) is good
 
 
 def test_reversals_are_unknowns_of_their_run_alone() -> None:
