@@ -11,6 +11,7 @@ from pzt_ros.diagnosis.candidates import Step, share_of
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.refinement import taken_on
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -58,6 +59,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     Where one of those leaves far less without an effect than the declared one with its best, the declared density is
     wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
     """
+    if any(run.begins_driven for run in declared.staged.runs):  # what is left of a past must not be won by an effect
+        declared = taken_on(declared, asked)
     search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
     others: list[Branch] = []
     is_far = declared.fit.ratio > asked.reachable  # elements that slip are tried sooner than effects there

@@ -83,6 +83,7 @@ class Screen:
         self._left = np.concatenate(hypothesis.selection_residuals) if self._choosing else np.zeros(0)
         self._ahead = self._selection_jacobian()
         self._rows, _ = staged.prior
+        self._own = self._own_directions()
         whole = np.vstack((*hypothesis.jacobians, self._rows))  # what no run tells the prior knows: both make a length
         self._length = np.linalg.norm(whole, axis=0) + 1e-300
         whole /= self._length
@@ -101,6 +102,17 @@ class Screen:
             return np.zeros((0, staged.start.size))
         parts = staged.jacobians(self.hypothesis.vector, self._choosing, SELECTION)[1]
         return np.vstack(parts, dtype=float)
+
+    def _own_directions(self) -> Array:
+        """What the histories of the runs that choose can make of the misfit there [orthonormal, shape (n, q)].
+
+        Unknowns that a prior holds are left where they are.
+        """
+        ceramic = self.hypothesis.staged.ceramic
+        own = [place for number in self._choosing for place in ceramic.places_of(number)]
+        free = [place for place in own if not np.any(self._rows[:, place])]
+        found: Array = np.linalg.qr(self._ahead[:, free])[0]
+        return found
 
     def best(self, effect: Effect) -> Prospect | None:
         """The start of an effect that promises most; None where none can be evaluated."""
@@ -233,6 +245,7 @@ class Screen:
     def _chosen(self, shift: Array, amounts: Array, ahead: Array, per_run: bool) -> float:
         """Mean square on the parts that choose; what belongs to a run is fitted there."""
         left = self._left + self._ahead @ shift
+        left, ahead = (each - self._own @ (self._own.T @ each) for each in (left, ahead))
         if per_run:
             amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
         left = left + ahead @ amounts

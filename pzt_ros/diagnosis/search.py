@@ -160,7 +160,7 @@ class Search:
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = self._plainest(sound)
         candidates = _headed_by(winner, candidates)
-        if self._is_enough(winner):
+        if self._is_enough(winner) and not self._is_the_base(winner):
             tied = self._tied(winner, [c for c in candidates if c in sound or self._is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         known = self._informed(candidates, sound)
@@ -171,6 +171,16 @@ class Search:
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
+
+    def _is_the_base(self, winner: Candidate) -> bool:
+        """Whether what a winner explains beside an unknown past is no more than the base does, fitted from there."""
+        if not _has_past(winner.after):
+            return False
+        bare = without(winner.after, winner.name)
+        if bare is None or bare.total >= winner.before.total:
+            return False
+        tried = replace(winner, before=bare)
+        return self.at_floor(bare) or not (self._is_significant(tried) and self._is_enough(tried))
 
     def _informed(
         self, candidates: Sequence[Candidate], sound: Sequence[Candidate]
@@ -347,8 +357,7 @@ class Search:
         if winner.before.selection.samples:
             decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
         # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
-        has_past = any(run.begins_driven for run in winner.after.staged.runs)
-        return not (decided and self.at_floor(winner.after)) or has_past
+        return not (decided and self.at_floor(winner.after)) or _has_past(winner.after)
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
@@ -373,6 +382,10 @@ class Search:
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
+
+
+def _has_past(found: Hypothesis) -> bool:
+    return any(run.begins_driven for run in found.staged.runs)
 
 
 def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ _least_squares: Any = optimize.least_squares  # SciPy carries no types
 _LEVELS = 7
 _CLEAN = 1.05  # rms over noise
 _REFINED = 2
+_CORRECTIONS = 3
 PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
 
@@ -145,7 +147,26 @@ def _grown(
         if not _pays(best_residual, residual, _more(start, best)):
             break
         best, best_residual, sought = start, residual, left
+    return best if misfit is searched else _corrected(misfit, searched, best, record)
+
+
+def _corrected(
+    misfit: Callable[[Start], Array], searched: Callable[[Start], Array], best: Start, record: Record
+) -> Start:
+    """A history refined with the surrogate and what the chain itself had beside it, for as long as it gets better."""
+    residual = misfit(best)
+    for _ in range(_CORRECTIONS if best.prior_voltages else 0):
+        beside = residual - searched(best)
+        start = _refined(partial(_sum_of, searched, beside), best, record)
+        better = misfit(start)
+        if rms(better) >= rms(residual):
+            break
+        best, residual = start, better
     return best
+
+
+def _sum_of(searched: Callable[[Start], Array], beside: Array, start: Start) -> Array:
+    return searched(start) + beside
 
 
 def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:

@@ -599,7 +599,9 @@ def test_what_no_run_tells_leaves_the_base_its_directions_in_the_screen() -> Non
     silent = np.hstack((told, np.zeros((50, 1))))
     rows = np.array([[0.0, 0.0, 0.0, 1.0]])
     runs = [None]
-    staged = SimpleNamespace(fitted=[0], runs=runs, prior=(rows, np.zeros(1)), outputs=lambda *_: [], start=np.zeros(4))
+    staged = SimpleNamespace(
+        fitted=[0], runs=runs, prior=(rows, np.zeros(1)), outputs=lambda *_: [], start=np.zeros(4), ceramic=None
+    )
     residual = told @ np.ones(3)
     solution = SimpleNamespace(residuals=[residual])
     base: Any = SimpleNamespace(
