@@ -21,6 +21,7 @@ from scipy import optimize
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose
+from pzt_ros.diagnosis import search as search_of_effects
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.branches import Branch, _trusted
 from pzt_ros.diagnosis.candidates import Candidate, Step
@@ -494,6 +495,20 @@ def test_beside_an_unknown_past_no_likelihood_decides(driven: bool) -> None:
     assert Search()._is_as_good(mode, lag) is driven
     worse = Candidate("slow_relaxation", before, misfitting(1.5, 1.5))
     assert not Search()._is_as_good(mode, worse)
+
+
+@pytest.mark.parametrize(("driven", "left", "is_base"), [(True, 1.02, True), (True, 1.9, False), (False, 1.02, False)])
+def test_beside_an_unknown_past_an_effect_has_to_beat_the_base_from_where_it_stands(
+    monkeypatch: pytest.MonkeyPatch, driven: bool, left: float, is_base: bool
+) -> None:
+    """A court case: a refit with hum found better histories than the base had, and hum was named."""
+    winner = Candidate("mains_hum", misfitting(2.0, 2.0), misfitting(1.01, 1.01))
+    winner.after.staged = SimpleNamespace(runs=[SimpleNamespace(begins_driven=driven)])  # type: ignore[misc, assignment]
+    bare = misfitting(left, left)
+    bare.effects = ()
+    monkeypatch.setattr(search_of_effects, "without", lambda found, name: bare)
+    monkeypatch.setattr(Search, "_is_significant", lambda self, candidate: True)
+    assert Search()._is_the_base(winner) is is_base
 
 
 def test_a_freed_strain_law_keeps_what_else_is_sought() -> None:

@@ -29,8 +29,8 @@ from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record, read_csv
 from pzt_ros.sysid.occupancy import _Past, settle_occupancy
 from pzt_ros.sysid.predict import predict
-from pzt_ros.sysid.run import Span, Start, begins_driven, free_run
-from pzt_ros.sysid.start import counted_part
+from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms
+from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part
 
 NOISE = 12e-9
 MODEL_LINK = Lattice(
@@ -112,6 +112,16 @@ def _error(chain: Chain, record: Record, start: Start) -> tuple[float, Array]:
     first, after = second_half(record).of(record)
     left = record.displacement[first:after] - free_run(chain, record, start, slice(first, after), after).displacement
     return float(np.std(left)), left
+
+
+def test_a_history_found_with_a_surrogate_is_refined_with_the_chain_itself() -> None:
+    """The surrogate here has a coercive field that is 2 % off, and alone would put the reversals elsewhere."""
+    off = dataclasses.replace(MODEL_LINK, coercive_field=5.0e5)
+    part = counted_part(INSIDE, Span(None, 5.0), 1000)
+    itself, surrogate = (_misfit_of(chain, part) for chain in (MODEL, Chain("off", (off, STRAIN))))
+    begin = Start((154.0, 24.0, 127.0), 1.0)
+    alone, corrected = _refined(surrogate, begin, INSIDE), _corrected(itself, surrogate, begin, INSIDE)
+    assert rms(itself(corrected)) < 0.5 * rms(itself(alone))
 
 
 def test_what_the_past_is_found_from_counts_in_no_figure() -> None:
