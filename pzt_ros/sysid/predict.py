@@ -14,7 +14,6 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.noise import noise_floor
-from pzt_ros.sysid.occupancy import has_lattice, settle_occupancy
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
@@ -132,8 +131,6 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
     """As short a past as the samples ask for; hardly any of a run from rest."""
     if not begins_driven(counted.record):
         return base if base.occupancy else settle(model, counted, [base], noise=noise)
-    if has_lattice(model):
-        return settle_occupancy(model, counted, fitted, noise)
     bases = [replace(base, prior_voltages=())]
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     if poled:

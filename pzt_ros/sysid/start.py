@@ -33,7 +33,7 @@ _GUESSED = 2  # reversals of a first guess
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
-_LEVELS = 7
+_LEVELS = 5
 _CLEAN = 1.05  # rms over noise
 _REFINED = 2
 _CORRECTIONS = 3

@@ -20,14 +20,10 @@ from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.identified_hats import node_count
-from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain import Electrostriction
-from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record, read_csv
-from pzt_ros.sysid.occupancy import _Past, settle_occupancy
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms
 from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part
@@ -184,49 +180,3 @@ def test_reversals_are_unknowns_of_their_run_alone() -> None:
     step = 5e-4
     moved = ceramic.polarization(ceramic.start + np.array([0.0, step, 0.0]), voltages)[0]
     np.testing.assert_allclose(first[:, 1], (moved - here[0]) / step, atol=0.05 * np.max(np.abs(first[:, 1])))
-
-
-LATTICE = IdentifiedLattice(layer_thickness=1e-4, settling_time=0.02)
-IDENTIFIED = Chain("identified", (LATTICE, StrainLaw(linear=2e-5, quadratic=3e-5)))
-
-
-def occupied(seed: int) -> Record:
-    """Of an identified lattice that begins with some occupancy."""
-    record = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR, seed)
-    rng = np.random.default_rng(seed)
-    occupancy = rng.uniform(0.0, 1.0, node_count(13))
-    state = IDENTIFIED.init(Rest(0.0, float(record.voltage[0]), occupancy=occupancy))
-    _, out = IDENTIFIED.step(state, Signals(time=record.time, voltage=record.voltage))
-    measured = out.displacement + NOISE * rng.standard_normal(len(record)) + 2e-6
-    return Record(f"occupied {seed}", {**record.columns, "displacement_m": measured})
-
-
-def test_occupancies_are_found_and_predict_the_rest() -> None:
-    record = occupied(5)
-    found = predict(IDENTIFIED, record)
-    assert found.start.occupancy
-    assert found.rms < 1.2 * NOISE
-    plain, _ = _error(IDENTIFIED, record, dataclasses.replace(found.start, occupancy=(0.5,) * node_count(13)))
-    assert plain > 1.3 * found.rms, "the past matters"
-
-
-def test_columns_of_occupancies_are_what_differences_say() -> None:
-    record = occupied(6)
-    part = counted_part(record, Span(None, 2.0), 200)
-    past = _Past(IDENTIFIED, part, node_count(13), NOISE)
-    here = np.full(node_count(13), 0.4)
-    (before,), (columns,) = past.linearise(here)
-    for place in np.argsort(-np.abs(columns).sum(axis=0))[:5]:
-        moved = here.copy()
-        moved[place] += 1e-3
-        slope = (past.residuals(moved)[0] - before) / 1e-3
-        np.testing.assert_allclose(columns[:, place], slope, atol=2e-2 * np.max(np.abs(slope)))
-
-
-def test_where_nothing_tells_it_is_as_in_the_fitted_runs() -> None:
-    """A run that stands still says nothing of its past."""
-    time = np.arange(50) / RATE
-    still = Record("still", {"time_s": time, "voltage_V": np.full(50, 60.0), "displacement_m": np.full(50, 1e-6)})
-    known = [Start(occupancy=(share,) * node_count(13)) for share in (0.2, 0.4)]
-    found = settle_occupancy(IDENTIFIED, counted_part(still, Span(), 50), known, NOISE)
-    assert np.median(found.occupancy) == pytest.approx(0.3, abs=0.02)
