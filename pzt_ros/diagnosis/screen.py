@@ -243,13 +243,17 @@ class Screen:
         return amounts, shift, total
 
     def _chosen(self, shift: Array, amounts: Array, ahead: Array, per_run: bool) -> float:
-        """Mean square on the parts that choose; what belongs to a run is fitted there."""
+        """Mean square on the parts that choose; what belongs to a run is fitted there.
+
+        Infinite where a base that was never near the runs would go so far along a line that no number holds it.
+        """
         left = self._left + self._ahead @ shift
         left, ahead = (each - self._own @ (self._own.T @ each) for each in (left, ahead))
         if per_run:
             amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
         left = left + ahead @ amounts
-        return float(left @ left) / left.size
+        with np.errstate(over="ignore"):
+            return float(left @ left) / left.size
 
 
 def _bounded(columns: Array, wanted: Array, low: Array, high: Array) -> Array:
