@@ -90,7 +90,7 @@ def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  #
     model = without_noise(chain)
     first, after = span.of(record)
     start, rule, until = _start_of(chain, model, record, span)
-    told = int(np.searchsorted(record.time[first:after], until)) if until is not None else 0
+    told = min(int(np.searchsorted(record.time[first:after], until)), after - first - 1) if until is not None else 0
     signals = free_run(model, record, start, slice(first, after), after)
     if "displacement_m" not in record.columns:
         return Prediction(signals, start, rule, np.empty(0), 0.0, 0.0)
@@ -113,7 +113,8 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
         part = Span(None, math.nextafter(span.start, -math.inf))
         rule = f"from the part before {span.start:.6g} s"
     elif begins_driven(record):
-        until = float(0.5 * (record.time[0] + record.time[-1]))
+        last = record.time[-1] if span.end is None else min(span.end, record.time[-1])
+        until = max(float(0.5 * (record.time[0] + last)), least)
         part = Span(None, math.nextafter(until, -math.inf))
         rule = f"the run begins driven: its past from what comes before {until:.6g} s"
     else:

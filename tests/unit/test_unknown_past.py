@@ -140,6 +140,15 @@ def case() -> Case:
     return make_case(Spec("unknown_start", RIGHT, protocol="unknown_start", seed=71))
 
 
+@pytest.mark.parametrize("until", [0.02, 0.05, 1.0])
+def test_a_part_that_ends_early_has_its_past_from_its_own_first_half(until: float) -> None:
+    found = predict(MODEL, INSIDE, Span(None, until))
+    data = found.as_data()
+    assert 0 < data["samples"] < found.error.size
+    assert data["until_s"] <= until
+    assert data["max_m"] >= data["rms_m"] > 0.0
+
+
 def test_parameters_and_pasts_are_found_together(case: Case, tmp_path: Path) -> None:
     """All runs begin inside minor loops; what was fitted comes down to the noise, and so does half a run never seen."""
     files = write_case(case, tmp_path)
