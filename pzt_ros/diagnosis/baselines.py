@@ -15,6 +15,7 @@ from pzt_ros.diagnosis.outcome import Errors, errors_from
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.result import SETTLE_TIME
+from pzt_ros.sysid.run import first_half
 
 _lsq_linear: Any = optimize.lsq_linear  # SciPy carries no types
 _minimize_scalar: Any = optimize.minimize_scalar
@@ -31,7 +32,8 @@ _MOST_REFINED = 8
 def baselines(runs: Sequence[RunData]) -> dict[str, Errors]:
     """Errors of each, fitted to the train runs and predicted on all; "last cycle" only where the test drives repeat.
 
-    The zero of a train run is fitted, that of a test run comes from its first second, as `pzt predict` takes it.
+    The zero of a train run is fitted, that of a test run comes from its first second, or from its first half where it
+    begins driven: as `pzt predict` takes it.
     """
     found = {"straight line": _errors_of(_Columns(runs, plays=0, degree=1), runs)}
     cycles = [_last_cycle(run) for run in runs]
@@ -90,9 +92,17 @@ def _errors_of(columns: _Columns, runs: Sequence[RunData]) -> Errors:
     residuals = []
     for run in runs:
         left = run.record.displacement - columns.over(run.record, weights)
-        start = run.record.time < run.record.time[0] + SETTLE_TIME
-        residuals.append(left - float(np.mean(left if FIT in run.picks else left[start])))
+        residuals.append(left - float(np.mean(left[: _tells_zero(run)])))
     return errors_from(residuals, runs)
+
+
+def _tells_zero(run: RunData) -> int:
+    """How many samples at the beginning of a run tell its zero."""
+    if FIT in run.picks:
+        return len(run.record)
+    if run.begins_driven:
+        return first_half(len(run.record))
+    return int(np.searchsorted(run.record.time, run.record.time[0] + SETTLE_TIME))
 
 
 def _weights(columns: _Columns, runs: Sequence[RunData]) -> Array:

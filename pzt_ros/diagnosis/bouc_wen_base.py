@@ -39,8 +39,7 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
     Returns:
         The best of several fits; None where a run begins driven, so that it has a past.
     """
-    runs = declared.staged.runs
-    if any(run.begins_driven for run in runs):
+    if declared.staged.has_past:
         return None
     progress("fitting elements that slip")
     thickness, _, (low, high) = driven(declared)

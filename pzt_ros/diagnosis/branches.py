@@ -59,7 +59,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     Where one of those leaves far less without an effect than the declared one with its best, the declared density is
     wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
     """
-    if any(run.begins_driven for run in declared.staged.runs):  # what is left of a past must not be won by an effect
+    if declared.staged.has_past:  # what is left of a past must not be won by an effect
         declared = taken_on(declared, asked)
     search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
     others: list[Branch] = []

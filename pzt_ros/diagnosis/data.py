@@ -13,7 +13,7 @@ from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
-from pzt_ros.sysid.run import begins_driven, drive_of
+from pzt_ros.sysid.run import begins_driven, drive_of, first_half
 
 Picks = NDArray[np.intp]
 
@@ -89,7 +89,7 @@ def split(train: Sequence[RunData], test: Sequence[RunData]) -> list[RunData]:
     """All of the train runs is fitted; the first half of each test run chooses, its second half scores."""
     found = [replace(run, picks={FIT: _thin(run, 0, len(run.record))}) for run in train]
     for run in test:
-        half = len(run.record) // 2
+        half = first_half(len(run.record))
         found.append(replace(run, picks={SELECTION: _thin(run, 0, half), SCORE: _thin(run, half, len(run.record))}))
     return found
 

@@ -246,7 +246,8 @@ class DeclaredHysteresis:
         return [*range(len(self.coordinates)), *self.places_of(number)]
 
     def _valued(self, model: Ferroelectric, vector: Array) -> Ferroelectric:
-        values = {each.field: each.si(float(v)) for each, v in zip(self.coordinates, vector, strict=False)}
+        own = vector[: len(self.coordinates)]
+        values = {each.field: each.si(float(v)) for each, v in zip(self.coordinates, own, strict=True)}
         return dataclasses.replace(model, **values)
 
     def _run(self, link: Ferroelectric, vector: Array, number: int, voltage: Array) -> Array:

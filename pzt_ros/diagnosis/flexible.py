@@ -72,7 +72,7 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
 def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
     """The same with the Preisach model; None where a run begins driven, so that it has a past."""
     runs = declared.staged.runs
-    if any(run.begins_driven for run in runs):
+    if declared.staged.has_past:
         return None
     progress("identifying a density that knows no rate")
     known = [False] * len(runs)

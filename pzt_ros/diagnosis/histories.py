@@ -67,7 +67,7 @@ def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
     """
     ceramic, vector = other.staged.ceramic, other.vector
     both = isinstance(ceramic, DeclaredHysteresis) and isinstance(found.staged.ceramic, DeclaredHysteresis)
-    if not both or not any(run.begins_driven for run in other.staged.runs):
+    if not both or not other.staged.has_past:
         return found
     starts = {number: ceramic.start_of(vector, number) for number in range(len(other.staged.runs))}
     return min(found, exact(_refitted(found, starts)), key=_total)
@@ -80,9 +80,9 @@ def without_histories(declared: Hypothesis) -> Hypothesis | None:
     """
     staged = declared.staged
     ceramic = staged.ceramic
-    if not isinstance(ceramic, DeclaredHysteresis) or not any(start.prior_voltages for start in ceramic.starts):
+    if staged.has_past or not isinstance(ceramic, DeclaredHysteresis):
         return None
-    if any(run.begins_driven for run in staged.runs):
+    if not any(start.prior_voltages for start in ceramic.starts):
         return None
     return exact(_refitted(declared, {number: Start() for number in range(len(staged.runs))}))
 

@@ -174,7 +174,7 @@ class Search:
 
     def _is_the_base(self, winner: Candidate) -> bool:
         """Whether what a winner explains beside an unknown past is no more than the base does, fitted from there."""
-        if not _has_past(winner.after):
+        if not winner.after.staged.has_past:
             return False
         bare = without(winner.after, winner.name)
         if bare is None or bare.total >= winner.before.total:
@@ -357,7 +357,7 @@ class Search:
         if winner.before.selection.samples:
             decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
         # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
-        return not (decided and self.at_floor(winner.after)) or _has_past(winner.after)
+        return not (decided and self.at_floor(winner.after)) or winner.after.staged.has_past
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
@@ -382,10 +382,6 @@ class Search:
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
-
-
-def _has_past(found: Hypothesis) -> bool:
-    return any(run.begins_driven for run in found.staged.runs)
 
 
 def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

@@ -119,6 +119,11 @@ class Staged:
         """Indices of the runs with a part to fit."""
         return [number for number, run in enumerate(self.runs) if FIT in run.picks]
 
+    @property
+    def has_past(self) -> bool:
+        """Whether a run begins driven, so that its start is unknown."""
+        return any(run.begins_driven for run in self.runs)
+
     def residuals(self, vector: Array) -> list[Array]:
         """Misfit of every fitted run."""
         outputs = self.outputs(vector, self.fitted)

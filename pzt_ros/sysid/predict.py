@@ -16,7 +16,7 @@ from pzt_ros.records import Record
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
-from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
+from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
 from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
@@ -84,13 +84,16 @@ class Prediction:
 def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  # noqa: B008 - frozen
     """Run the chain over the whole recorded voltage and keep one part.
 
+    The past of a run that begins driven, and was not fitted, comes from the first half of the samples up to the end of
+    the part; they count in no figure.
+
     Raises:
         BenchError: the part is empty, or the chain's `start:` is malformed.
     """
     model = without_noise(chain)
     first, after = span.of(record)
-    start, rule, until = _start_of(chain, model, record, span)
-    told = min(int(np.searchsorted(record.time[first:after], until)), after - first - 1) if until is not None else 0
+    start, rule, looked_at = _start_of(chain, model, record, span)
+    told = min(max(looked_at - first, 0), after - first - 1)
     signals = free_run(model, record, start, slice(first, after), after)
     if "displacement_m" not in record.columns:
         return Prediction(signals, start, rule, np.empty(0), 0.0, 0.0)
@@ -99,24 +102,23 @@ def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  #
     return Prediction(signals, start, rule, error, float(np.ptp(measured)), noise_floor(measured).rms, told)
 
 
-def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[Start, str, float | None]:
-    """History and offset for a run, in words by which rule, and until when its past was looked for [s], if it was."""
+def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[Start, str, int]:
+    """History and offset for a run, in words by which rule, and how many of its samples told its past."""
     known = fitted_starts(chain)
     if record.sha256 in known:
-        return known[record.sha256], "as fitted to this run", None
+        return known[record.sha256], "as fitted to this run", 0
     base, settle_time, own = _rule_for_others(chain, record)
     if "displacement_m" not in record.columns:
-        return base, "no measurement to take them from: the model's history, offset 0", None
+        return base, "no measurement to take them from: the model's history, offset 0", 0
     least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
-    until = None
+    told = 0
     if span.start is not None and span.start > least:
         part = Span(None, math.nextafter(span.start, -math.inf))
         rule = f"from the part before {span.start:.6g} s"
     elif begins_driven(record):
-        last = record.time[-1] if span.end is None else min(span.end, record.time[-1])
-        until = max(float(0.5 * (record.time[0] + last)), least)
-        part = Span(None, math.nextafter(until, -math.inf))
-        rule = f"the run begins driven: its past from what comes before {until:.6g} s"
+        told = max(first_half(span.of(record)[1]), min(_FEWEST_TO_SETTLE, len(record) - 1))
+        part = Span(None, math.nextafter(float(record.time[told]), -math.inf))
+        rule = f"the run begins driven: its past from what comes before {record.time[told]:.6g} s"
     else:
         end = max(float(record.time[0]) + settle_time, least)
         part = Span(None, end)
@@ -125,7 +127,7 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, counted, base, list(known.values()), noise)
     expected = {name: _expected(known.values(), name) for name in own}
-    return with_offset(model, counted, with_own_values_fitted(model, counted, found, expected, noise)), rule, until
+    return with_offset(model, counted, with_own_values_fitted(model, counted, found, expected, noise)), rule, told
 
 
 def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[Start], noise: float) -> Start:

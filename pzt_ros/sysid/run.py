@@ -69,8 +69,13 @@ class Start:
 
 
 def begins_driven(record: Record) -> bool:
-    """Whether the voltage is up already at the first sample: the record then has a past."""
+    """Whether the voltage is up already at the first sample, by 2 % of its peak: the record then has a past."""
     return abs(float(record.voltage[0])) > _AT_REST * float(np.max(np.abs(record.voltage)))
+
+
+def first_half(samples: int) -> int:
+    """How many of so many samples tell: the past of a run that begins driven, and what a diagnosis chooses by."""
+    return samples // 2
 
 
 def typical_leg(record: Record) -> float:

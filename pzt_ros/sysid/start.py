@@ -25,7 +25,7 @@ from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
 
-LONGEST, LONGEST_FROM_REST = 8, 2
+_LONGEST, _LONGEST_FROM_REST = 8, 2
 """Prior reversals at most of a run that begins driven: inside minor loops it takes one to four to come down to the
 noise; and of one that begins at rest, where more of them would make up for what is missing in the model."""
 
@@ -134,7 +134,7 @@ def _grown(
     clean: float,
 ) -> Start:
     """A history with as many more reversals as pay, until no more than `clean` is left [m]."""
-    longest = LONGEST if begins_driven(record) else LONGEST_FROM_REST
+    longest = _LONGEST if begins_driven(record) else _LONGEST_FROM_REST
     best_residual, sought = misfit(best), searched(best)
     while len(best.prior_voltages) < longest and rms(best_residual) > clean:
         longer = [each for each in _longer(searched, best, record) if len(each.prior_voltages) <= longest]

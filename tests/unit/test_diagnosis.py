@@ -491,7 +491,7 @@ def test_beside_an_unknown_past_no_likelihood_decides(driven: bool) -> None:
     before = misfitting(2.0, 2.0)
     mode = Candidate("mechanical_resonance", before, misfitting(1.02, 1.0))
     lag = Candidate("sensor_lag", before, misfitting(1.04, 1.03))
-    mode.after.staged = SimpleNamespace(runs=[SimpleNamespace(begins_driven=driven)])  # type: ignore[misc, assignment]
+    mode.after.staged = SimpleNamespace(has_past=driven)  # type: ignore[misc, assignment]
     assert Search()._is_as_good(mode, lag) is driven
     worse = Candidate("slow_relaxation", before, misfitting(1.5, 1.5))
     assert not Search()._is_as_good(mode, worse)
@@ -503,7 +503,7 @@ def test_beside_an_unknown_past_an_effect_has_to_beat_the_base_from_where_it_sta
 ) -> None:
     """A court case: a refit with hum found better histories than the base had, and hum was named."""
     winner = Candidate("mains_hum", misfitting(2.0, 2.0), misfitting(1.01, 1.01))
-    winner.after.staged = SimpleNamespace(runs=[SimpleNamespace(begins_driven=driven)])  # type: ignore[misc, assignment]
+    winner.after.staged = SimpleNamespace(has_past=driven)  # type: ignore[misc, assignment]
     bare = misfitting(left, left)
     bare.effects = ()
     monkeypatch.setattr(search_of_effects, "without", lambda found, name: bare)
