@@ -48,7 +48,12 @@ class Coordinate:
     @property
     def name(self) -> str:
         """`link.parameter`, with the number of the run where it belongs to one."""
-        return f"{self.kind}.{self.field}" + (f" of run {self.run + 1}" if self.run is not None else "")
+        return self.parameter + (f" of run {self.run + 1}" if self.run is not None else "")
+
+    @property
+    def parameter(self) -> str:
+        """`link.parameter`."""
+        return f"{self.kind}.{self.field}"
 
     def scaled(self, value: float) -> float:
         """SI to coordinate."""

@@ -137,8 +137,11 @@ def _report(
 
 
 def _last_fit(found: Hypothesis, density: str) -> Hypothesis:
-    """As it is written down. Declared densities have so few parameters that more samples do not change them."""
-    return fitted_to_all(found) if density == "identified" else found
+    """As it is written down, fitted to all that may be seen where that changes it.
+
+    Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
+    """
+    return fitted_to_all(found) if density == "identified" or found.staged.given else found
 
 
 def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:

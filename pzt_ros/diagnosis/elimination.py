@@ -4,32 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, taken_on
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
-from pzt_ros.effects.insert import without_effect
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.errors import BenchError
 
 
 def without(found: Hypothesis, name: str) -> Hypothesis | None:
     """Refitted without one of its effects, from where it is; None where the model cannot be evaluated there."""
-    staged = found.staged
-    own = staged.ceramic.start.size
-    kept = [place for place, each in enumerate(staged.coordinates) if each.kind != name]
-    plain = replace(
-        staged,
-        chain=without_effect(staged.chain, name),
-        coordinates=tuple(staged.coordinates[place] for place in kept),
-    )
-    start = np.concatenate((found.vector[:own], found.vector[own:][kept]))
+    plain, kept = found.staged.without(name)
     others = tuple(each for each in found.effects if each != name)
     try:
-        return finished(fitted(plain, start, others, REFIT_STEPS), True)
+        return finished(fitted(plain, found.vector[kept], others, REFIT_STEPS), True)
     except BenchError:  # a drive that the effect kept within the range of a table may leave it
         return None
 

@@ -118,7 +118,7 @@ def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, o
     kept = tuple(each for each in declared.staged.coordinates if each.kind != Electrostriction.kind)
     chain = declared.staged.chain_at(declared.vector)
     replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
-    staged = Staged(replaced, ceramic, declared.staged.runs, (*coordinates, *kept))
+    staged = replace(declared.staged, chain=replaced, ceramic=ceramic, coordinates=(*coordinates, *kept))
     start = staged.start
     if kept:
         start[-len(kept) :] = declared.vector[-len(kept) :]

@@ -46,9 +46,15 @@ def with_histories(found: Hypothesis, progress: Progress, workers: Workers) -> H
 
 
 def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
-    """With histories sought anew for the runs that begin driven and are not described to the noise; else as it is."""
+    """With histories sought anew for the runs that begin driven and are not described to the noise.
+
+    Runs from rest lose theirs beside an effect, where they are described as well without: the base made them up.
+    """
     if not isinstance(found.staged.ceramic, DeclaredHysteresis):
         return found
+    if not found.staged.has_past:
+        plain = without_histories(found) if found.effects else None
+        return found if plain is None else min(plain, found, key=_total)
     for _ in range(_ROUNDS):
         asked = [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
         if not asked:

@@ -11,7 +11,11 @@ import numpy as np
 
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.staged import Staged
+from pzt_ros.effects.effect import GoesOn
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.covariance import effective_samples, parameter_covariance
 from pzt_ros.sysid.predict import predict
@@ -47,7 +51,7 @@ class Errors:
 def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     """The chain of a hypothesis with what it needs to start on these runs and on others."""
     staged, vector = hypothesis.staged, hypothesis.vector
-    chain = staged.chain_at(vector)
+    chain = _as_it_is_now(staged, vector)
     own = staged.ceramic.start.size
     starts = [staged.ceramic.start_of(vector[:own], number) for number in range(len(staged.runs))]
     entries = []
@@ -56,11 +60,9 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     for number, (displacement, _) in zip(known, outputs, strict=True):
         run = staged.runs[number]
         picks = run.picks[FIT]
-        values = {
-            f"{each.kind}.{each.field}": each.si(float(vector[own + k]))
-            for k, each in enumerate(staged.coordinates)
-            if each.run == number
-        }
+        sought = zip(staged.coordinates, vector[own:], strict=True)
+        values = {each.parameter: each.si(float(value)) for each, value in sought if each.run == number}
+        values.update({each.parameter: each.start for each in staged.given if each.run == number})
         entry: dict[str, Any] = {
             "sha256": run.record.sha256,
             "name": run.record.name,
@@ -71,13 +73,40 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
         if starts[number].occupancy:
             entry["occupancy"] = list(starts[number].occupancy)
         entries.append({**entry, "values": values} if values else entry)
-    per_run = sorted({f"{each.kind}.{each.field}" for each in staged.coordinates if each.run is not None})
+    per_run = sorted({each.parameter for each in staged.coordinates if each.run is not None})
     other: dict[str, Any] = {"settle_s": SETTLE_TIME, "prior_voltage_V": list(starts[0].prior_voltages)}
     if per_run:
         other["per_run"] = per_run
+    if staged.given:
+        other["goes_on"] = _going(staged, [number for number in range(len(staged.runs)) if number not in known])
     notes = {"description": f"{name}, fitted by pzt diagnose", "start": {"runs": entries, "other": other}}
     notes["fit"] = {"command": command, "parameters": estimates(hypothesis)}
     return replace(chain, name=f"{staged.chain.name}-{name}", notes=notes)
+
+
+def _going(staged: Staged, numbers: Sequence[int]) -> dict[str, dict[str, float]]:
+    """What runs are known to begin with, by parameter and fingerprint of the run."""
+    found: dict[str, dict[str, float]] = {}
+    for each in staged.given:
+        of_runs = found.setdefault(each.parameter, {})
+        if each.run is not None and each.run in numbers:
+            of_runs[staged.runs[each.run].record.sha256] = each.start
+    return found
+
+
+def _as_it_is_now(staged: Staged, vector: Array) -> Chain:
+    """The chain of the stage, with all runs behind it where an effect goes on from run to run."""
+    last = len(staged.runs) - 1
+    before = {(each.kind, each.field): each.start for each in staged.given if each.run == last}
+    polarization = staged.polarizations(vector)[last] if before else np.empty(0)
+
+    def aged(link: Link) -> Link:
+        field = EFFECT_OF[link.kind].goes_on if link.kind in EFFECT_OF else ""
+        if not isinstance(link, GoesOn) or (link.kind, field) not in before:
+            return link
+        return replace(link, **{field: before[link.kind, field] + link.gone_through(polarization)})
+
+    return staged.chain_at(vector).with_links(aged)
 
 
 def _settles(run: RunData) -> bool:

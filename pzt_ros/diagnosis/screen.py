@@ -9,17 +9,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy import optimize
 
-from pzt_ros.diagnosis.coordinates import Coordinate, of_effect
+from pzt_ros.diagnosis.coordinates import Coordinate, coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SELECTION
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.staged import Staged
-from pzt_ros.effects.effect import AT_COMMAND, AT_FIELD, Effect
+from pzt_ros.effects.effect import AT_COMMAND, AT_FIELD, Effect, GoesOn
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
@@ -45,6 +47,7 @@ class Prospect:
     Attributes:
         effect: which.
         link: of the effect, in the shape that was tried.
+        given: what is known of single runs beside it.
         staged: the model with the effect in it.
         without: the base where it was, in the effect's shape but none of it.
         start: where the linear prediction puts base and effect.
@@ -53,6 +56,7 @@ class Prospect:
 
     effect: Effect
     link: Link
+    given: tuple[Coordinate, ...]
     staged: Staged
     without: Array
     start: Array
@@ -96,6 +100,10 @@ class Screen:
         self._rest = padded - self._q @ self._absorbed
         self.outputs = staged.outputs(hypothesis.vector, range(len(staged.runs)))
 
+    @cached_property
+    def _polarizations(self) -> list[Array]:
+        return self.hypothesis.staged.polarizations(self.hypothesis.vector)
+
     def _selection_jacobian(self) -> Array:
         staged = self.hypothesis.staged
         if not self._choosing:
@@ -119,10 +127,9 @@ class Screen:
         prospects = []
         for values in effect.starts:
             link = dataclasses.replace(effect.link(), **values, **self._spanned(effect))
-            try:
-                prospects.append(self._prospect(effect, link))
-            except BenchError:
-                continue
+            for given in self._given(effect, link):
+                with suppress(BenchError):
+                    prospects.append(self._prospect(effect, link, given))
         return min((p for p in prospects if np.isfinite(p.total)), key=lambda p: p.total, default=None)
 
     def _spanned(self, effect: Effect) -> dict[str, float]:
@@ -130,6 +137,15 @@ class Screen:
         low = min(float(displacement.min()) for displacement, _ in self.outputs)
         high = max(float(displacement.max()) for displacement, _ in self.outputs)
         return dict(zip(effect.spans, (0.5 * (low + high), 0.5 * (high - low)), strict=False))
+
+    def _given(self, effect: Effect, link: Link) -> list[tuple[Coordinate, ...]]:
+        """What single runs may be known to begin with: nothing, or what the runs before have left."""
+        if not isinstance(link, GoesOn) or not effect.goes_on:
+            return [()]
+        counts = [link.gone_through(polarization) for polarization in self._polarizations]
+        before = np.concatenate(([0.0], np.cumsum(counts[:-1])))
+        links = (dataclasses.replace(link, **{effect.goes_on: float(count)}) for count in before)
+        return [(), tuple(coordinate(each, effect.goes_on, run=number) for number, each in enumerate(links))]
 
     def refined(self, prospect: Prospect) -> Prospect:
         """The same effect in the shape that promises most, sought from the one given: a grid is too coarse.
@@ -148,7 +164,8 @@ class Screen:
         def total(vector: Array) -> float:
             values = {each.field: each.si(float(value)) for each, value in zip(shape, vector, strict=True)}
             try:
-                tried.append(self._prospect(effect, dataclasses.replace(prospect.link, **values)))
+                link = dataclasses.replace(prospect.link, **values)
+                tried.append(self._prospect(effect, link, prospect.given))
             except BenchError:
                 return math.inf
             return tried[-1].total
@@ -167,12 +184,13 @@ class Screen:
         _optimize.minimize(total, first, method="Nelder-Mead", bounds=bounds, options=options)
         return min((each for each in tried if np.isfinite(each.total)), key=lambda each: each.total)
 
-    def _prospect(self, effect: Effect, link: Link) -> Prospect:
+    def _prospect(self, effect: Effect, link: Link, given: tuple[Coordinate, ...] = ()) -> Prospect:
         hypothesis = self.hypothesis
         runs = range(len(hypothesis.staged.runs))
         added = [self._within_sight(effect, each) for each in of_effect(effect, link, runs)]
         chain = with_effect(hypothesis.staged.chain, link)
-        staged = replace(hypothesis.staged, chain=chain, coordinates=(*hypothesis.staged.coordinates, *added))
+        base = hypothesis.staged
+        staged = replace(base, chain=chain, coordinates=(*base.coordinates, *added), given=(*base.given, *given))
         shape = np.array([0.0 if each.field in effect.columns else each.scaled(each.start) for each in added])
         signatures, ahead, places = self._signatures(effect, staged, added, shape)
         limits = np.array([added[k].bounds for k in places]).T
@@ -185,7 +203,7 @@ class Screen:
         longest = float(np.max(np.abs(shift[: hypothesis.staged.ceramic.start.size]), initial=0.0))
         shift = shift * min(1.0, _LONGEST_SHIFT / longest) if longest > 0.0 else shift
         start = np.clip(np.concatenate((hypothesis.vector + shift, shape)), low, high)
-        return Prospect(effect, link, staged, without, start, total)
+        return Prospect(effect, link, given, staged, without, start, total)
 
     def _within_sight(self, effect: Effect, each: Coordinate) -> Coordinate:
         """A time within what the runs can tell: faster is a gain, slower a straight line, whatever their amounts."""

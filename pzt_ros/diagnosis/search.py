@@ -134,6 +134,17 @@ class Search:
         paired = self._pair_step(steps[-1])
         return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired])
 
+    def is_half_told(self, steps: Sequence[Step]) -> bool:
+        """Whether an effect that is not enough alone is all that is missing where it was fitted, or where not.
+
+        So much is not missing by chance: another effect hides in the others.
+        """
+        last, asked = steps[-1], self.thresholds
+        if last.accepted or last.before.effects:
+            return False
+        sound = [c for c in last.candidates if self._is_significant(c) and c.share > asked.half_share]
+        return any(max(c.fit_share, c.selection_share) > asked.whole for c in sound)
+
     def _weighed(self, steps: list[Step]) -> list[Step]:
         """The steps without what was only needed until all of them were there."""
         if steps[-1].after.fit.ratio > self.thresholds.nameable:
@@ -371,12 +382,17 @@ class Search:
         for first in sound[:2]:
             beside = self._candidates(first.after, first.after, most)[0]
             # the second has to be needed: half of what the first leaves, or it only takes up what the base is off by
-            following = [c for c in beside if self._is_significant(c) and c.share >= self.thresholds.share]
+            following = [c for c in beside if self._is_significant(c) and self._is_needed(c)]
             if following:
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:
                     best = pair
         return best if best and share_of(before, best[-1].after) >= self.thresholds.pair_share else ()
+
+    def _is_needed(self, second: Candidate) -> bool:
+        """Whether a second effect explains half of what the first leaves; of runs not fitted where that is anything."""
+        left = second.before.selection.ratio > self.thresholds.floor
+        return (second.share if left else second.fit_share) >= self.thresholds.share
 
     def _nothing(self, before: Hypothesis) -> str:
         if self.at_floor(before):

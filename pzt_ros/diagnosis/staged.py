@@ -16,6 +16,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.data import FIT, RunData
+from pzt_ros.effects.insert import without_effect
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.ferroelectric import Ferroelectric
@@ -89,12 +90,14 @@ class Staged:
         ceramic: what stands there.
         runs: all of them, those that are fitted first.
         coordinates: of the other links.
+        given: what is known of single runs and not sought, at the values where these coordinates start.
     """
 
     chain: Chain
     ceramic: Hysteresis
     runs: Sequence[RunData]
     coordinates: tuple[Coordinate, ...]
+    given: tuple[Coordinate, ...] = ()
 
     @property
     def start(self) -> Array:
@@ -169,9 +172,24 @@ class Staged:
         """Across the ceramic, of every run [V]."""
         return [self._driven(vector, number).voltage for number in range(len(self.runs))]
 
+    def polarizations(self, vector: Array) -> list[Array]:
+        """Of the ceramic, in every run [C/m^2]."""
+        return self.ceramic.polarization(vector[: self._own], self.voltages(vector))
+
+    def without(self, kind: str) -> tuple[Staged, list[int]]:
+        """The same without an effect, and the places in the vector of the unknowns that are left."""
+        kept = [place for place, each in enumerate(self.coordinates) if each.kind != kind]
+        plain = dataclasses.replace(
+            self,
+            chain=without_effect(self.chain, kind),
+            coordinates=tuple(self.coordinates[place] for place in kept),
+            given=tuple(each for each in self.given if each.kind != kind),
+        )
+        return plain, [*range(self._own), *(self._own + place for place in kept)]
+
     def chain_at(self, vector: Array, number: int | None = None) -> Chain:
         """The chain with the values of the vector, for one run or for the stage."""
-        chain = with_coordinates(self.chain, self.coordinates, vector[self._own :], number)
+        chain = self._valued(vector, number)
         ceramic = self.ceramic.link(vector[: self._own])
         return chain.with_links(lambda link: ceramic if isinstance(link, Ferroelectric) else link)
 
@@ -184,7 +202,12 @@ class Staged:
         return next(place for place, link in enumerate(self.chain.links) if isinstance(link, Ferroelectric))
 
     def _links(self, vector: Array, number: int) -> tuple[Link, ...]:
-        return with_coordinates(self.chain, self.coordinates, vector[self._own :], number).links
+        return self._valued(vector, number).links
+
+    def _valued(self, vector: Array, number: int | None) -> Chain:
+        known = [each.scaled(each.start) for each in self.given]
+        values = np.concatenate((known, vector[self._own :]))
+        return with_coordinates(self.chain, (*self.given, *self.coordinates), values, number)
 
     def _driven(self, vector: Array, number: int) -> Signals:
         """The signals at the ceramic."""

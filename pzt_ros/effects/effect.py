@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from pzt_ros.physics.link import Link
+from pzt_ros.physics.signals import Array
 
 AT_COMMAND, AT_FIELD, AT_POLARIZATION, AT_DISPLACEMENT, AT_SENSOR = (
     "amplifier", "ferroelectric", "strain", "structure", "sensor",
@@ -16,6 +18,15 @@ PLACES = (AT_COMMAND, AT_FIELD, AT_POLARIZATION, AT_DISPLACEMENT, AT_SENSOR)
 End of the amplifier section; right before the ferroelectric link; right after it; after the strain link; start of the
 sensor section.
 """
+
+
+@runtime_checkable
+class GoesOn(Protocol):
+    """A link that is not the same again after a run."""
+
+    def gone_through(self, polarization: Array) -> float:
+        """What a run with this polarization [C/m^2] adds to the parameter that `Effect.goes_on` names."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,8 @@ class Effect:
         additive: those of `free` that a search moves by sums and not by ratios: 0 is a value like any other.
         spans: parameters for the middle and for half the width of the displacement that it acts on, which are given
             and not found; empty where there are none.
+        goes_on: the parameter that counts what was gone through before a run, where that may be known from the runs
+            before it; given and not found. Such a link is a `GoesOn`. Empty where there is none.
         needs: columns of the record without which the effect cannot be asked for.
         absence: what its absence leaves in a residual.
         next_experiment: which run would show it alone.
@@ -49,6 +62,7 @@ class Effect:
     linear: tuple[str, ...] = ()
     additive: tuple[str, ...] = ()
     spans: tuple[str, ...] = ()
+    goes_on: str = ""
     needs: tuple[str, ...] = ()
     absence: str = ""
     next_experiment: str = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -19,13 +20,24 @@ _LEAST = 0.01
 """What is left at the end; the law is one for small losses."""
 
 
+_FOR_EVER = 1e30
+"""Cycles [-]: a power law to the last digit."""
+
+_Law = tuple[float, float, float, float, float]
+"""Loss, exponent and lasting; way in a cycle [C/m^2] and cycles before the first sample."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PolarizationFatigue(Link):
-    """P times 1 - loss * N^exponent, N the cycles gone through: the way of P so far over four reference polarizations.
+    """P less a part that grows with the cycles N gone through: the way of P so far over four reference polarizations.
 
-    Exponent 1 loses the same in each cycle. N counts up to the sample before, so that the inverse is exact; the
-    difference is loss times the part of a cycle that lies between two samples. Runs follow one another in a stage but
-    not in a chain: the cycles before a run's first sample are a parameter.
+    The part is loss * n^exponent * (1 - exp(-(N/n)^exponent)): loss * N^exponent long before n cycles, the lasting,
+    and no more after it. Exponent 1 then loses the same in each cycle. N counts up to the sample before, so that the
+    inverse is exact; the difference is loss times the part of a cycle that lies between two samples.
+
+    Runs follow one another in a stage but not in a chain: the cycles before a run's first sample are a parameter. A
+    diagnosis counts them in the order in which it is given the runs, or leaves them at none, as if the stage were poled
+    anew for each: whichever fits.
     """
 
     kind: ClassVar[str] = "polarization_fatigue"
@@ -33,6 +45,7 @@ class PolarizationFatigue(Link):
 
     loss: float = parameter(0.0, "1", "part of the polarization lost in the first cycle", bounds=(0.0, 1.0))
     exponent: float = parameter(1.0, "1", "power of the number of cycles", bounds=(0.1, 3.0))
+    lasting: float = parameter(_FOR_EVER, "1", "cycles after which no more is lost", bounds=(1e-3, _FOR_EVER))
     reference_polarization: float = parameter(
         0.25, "C/m^2", "a quarter of the way of P in a cycle", bounds=(1e-6, 10.0)
     )
@@ -45,33 +58,46 @@ class PolarizationFatigue(Link):
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization of the fresh ceramic to polarization."""
         after, out = state.copy(), np.empty_like(signals.polarization)
-        _tire(after, signals.polarization, out, *self._law)
+        _tire(after, signals.polarization, out, self._law)
         return after, signals.replace(polarization=out)
 
     def carry(self, signals: Signals, change: Change) -> Change:
         """What is left of the change, less what its way costs."""
         out = np.empty_like(change.polarization, order="C")
-        _tire_columns(self.init(Rest()), signals.polarization, change.polarization, out, *self._law)
+        _tire_columns(self.init(Rest()), signals.polarization, change.polarization, out, self._law)
         return replace(change, polarization=out)
 
     def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Polarization wanted to that of the fresh ceramic; exact."""
         after, fresh = state.copy(), np.empty_like(signals.polarization)
-        _untire(after, signals.polarization, fresh, *self._law)
+        _untire(after, signals.polarization, fresh, self._law)
         return after, signals.replace(polarization=fresh)
 
+    def gone_through(self, polarization: Array) -> float:
+        """Cycles in a run, by the polarization of the fresh ceramic [C/m^2]."""
+        return float(np.sum(np.abs(np.diff(polarization)))) / (4.0 * self.reference_polarization)
+
     @property
-    def _law(self) -> tuple[float, float, float, float]:
-        return self.loss, self.exponent, 4.0 * self.reference_polarization, self.cycles_before
+    def _law(self) -> _Law:
+        return self.loss, self.exponent, self.lasting, 4.0 * self.reference_polarization, self.cycles_before
 
 
 @njit(cache=True)
-def _left(state: Array, loss: float, exponent: float, way: float, before: float) -> float:
+def _left(state: Array, law: _Law) -> float:
     """Part of the polarization that is left [-]."""
+    loss, exponent, end, way, before = law
     cycles = before + state[_TRAVEL] / way
-    if exponent != 1.0:
-        cycles = cycles**exponent
-    return max(1.0 - loss * cycles, _LEAST)
+    return max(1.0 + loss * end**exponent * math.expm1(-((cycles / end) ** exponent)), _LEAST)
+
+
+@njit(cache=True)
+def _worn(state: Array, law: _Law) -> float:
+    """What is lost with a way of 1 C/m^2 more [m^2/C]."""
+    loss, exponent, end, way, before = law
+    cycles = before + state[_TRAVEL] / way
+    if cycles == 0.0 or _left(state, law) == _LEAST:
+        return 0.0
+    return loss * exponent * cycles ** (exponent - 1.0) * math.exp(-((cycles / end) ** exponent)) / way
 
 
 @njit(cache=True)
@@ -82,22 +108,18 @@ def _count(state: Array, fresh: float) -> None:
 
 
 @njit(cache=True)
-def _tire(state: Array, fresh: Array, out: Array, loss: float, exponent: float, way: float, before: float) -> None:
+def _tire(state: Array, fresh: Array, out: Array, law: _Law) -> None:
     for k in range(fresh.size):
-        out[k] = fresh[k] * _left(state, loss, exponent, way, before)
+        out[k] = fresh[k] * _left(state, law)
         _count(state, fresh[k])
 
 
 @njit(cache=True)
-def _tire_columns(
-    state: Array, fresh: Array, change: Columns, out: Columns,
-    loss: float, exponent: float, way: float, before: float,
-) -> None:  # fmt: skip
+def _tire_columns(state: Array, fresh: Array, change: Columns, out: Columns, law: _Law) -> None:
     """The tangent of `_tire`."""
     travel = np.zeros(change.shape[1])  # change of the way so far
     for k in range(fresh.size):
-        left, cycles = _left(state, loss, exponent, way, before), before + state[_TRAVEL] / way
-        worn = loss * exponent * cycles ** (exponent - 1.0) / way if cycles > 0.0 and left > _LEAST else 0.0
+        left, worn = _left(state, law), _worn(state, law)
         step = fresh[k] - state[_POLARIZATION] if k > 0 else 0.0
         sign = np.sign(step)
         for i in range(change.shape[1]):
@@ -108,7 +130,7 @@ def _tire_columns(
 
 
 @njit(cache=True)
-def _untire(state: Array, wanted: Array, fresh: Array, loss: float, exponent: float, way: float, before: float) -> None:
+def _untire(state: Array, wanted: Array, fresh: Array, law: _Law) -> None:
     for k in range(wanted.size):
-        fresh[k] = wanted[k] / _left(state, loss, exponent, way, before)
+        fresh[k] = wanted[k] / _left(state, law)
         _count(state, fresh[k])

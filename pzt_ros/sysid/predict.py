@@ -12,7 +12,9 @@ import numpy as np
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array, Signals
+from pzt_ros.quantities import parameters_of
 from pzt_ros.records import Record
+from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
@@ -22,7 +24,9 @@ from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
 _LEAST_SPREAD = 0.3  # of the largest value, where the fitted runs agree by chance or are few
-_UNIT = 1e-9  # [SI]; a difference in a linear parameter
+_SOON = 0.1  # of what went before a run that is not known: it was not long after those that are
+_UNIT = 1e-9  # [SI]; a difference in a linear parameter, where nothing is expected of it
+_STEP = 1e-3  # of what a parameter may be off by: the same where something is
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,7 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     known = fitted_starts(chain)
     if record.sha256 in known:
         return known[record.sha256], "as fitted to this run", 0
-    base, settle_time, own = _rule_for_others(chain, record)
+    base, settle_time, expected = _rule_for_others(chain, record, list(known.values()))
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0", 0
     least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
@@ -126,7 +130,6 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     counted = counted_part(record, part, _MOST_TO_SETTLE)
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, counted, base, list(known.values()), noise)
-    expected = {name: _expected(known.values(), name) for name in own}
     return with_offset(model, counted, with_own_values_fitted(model, counted, found, expected, noise)), rule, told
 
 
@@ -153,10 +156,10 @@ def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:
 def with_own_values_fitted(
     chain: Chain, part: CountedPart, start: Start, expected: Mapping[str, tuple[float, float]], noise: float
 ) -> Start:
-    """The start with the run's own parameters fitted to a part of it; the displacement is linear in them.
+    """The start with the run's own parameters fitted to a part of it; the displacement is linear in them, or nearly.
 
     A short part tells a slow drift badly, and an error in its rate grows with the run; so the part is weighed against
-    what is expected.
+    what is expected, by what the model leaves of it and how that remembers itself.
 
     Args:
         chain: that the run is predicted with.
@@ -170,20 +173,30 @@ def with_own_values_fitted(
     names = list(expected)
 
     def displacement(values: Sequence[float]) -> Array:
-        given = replace(start, offset=0.0, values=tuple(zip(names, values, strict=True)))
+        given = replace(start, offset=0.0, values=(*start.values, *zip(names, values, strict=True)))
         found = free_run(chain, part.record, given, part.picks, part.end).displacement
         return found - found.mean()
 
-    silent = displacement([0.0] * len(names))
-    units = np.eye(len(names)) * _UNIT
-    columns = np.column_stack([(displacement(list(unit)) - silent) / _UNIT for unit in units])
-    left = part.displacement - part.displacement.mean() - silent
     mean, spread = (np.array([expected[name][k] for name in names]) for k in (0, 1))
+    steps = np.where(np.isfinite(spread), np.maximum(_STEP * spread, _UNIT), _UNIT)
+    there = displacement(list(mean))
+    columns = np.column_stack([(displacement(list(mean + step)) - there) for step in np.diag(steps)]) / steps
+    left = part.displacement - part.displacement.mean() - there
+    free = left - columns @ np.linalg.lstsq(columns, left, rcond=None)[0]
+    seen = max(noise, rms(free) * math.sqrt(free.size / effective_samples(free)))
     with np.errstate(divide="ignore"):
-        weight = np.where(spread > 0.0, noise / spread, 0.0)
-    rows, targets = np.vstack((columns, np.diag(weight))), np.concatenate((left, weight * mean))
-    values = np.linalg.lstsq(rows, targets, rcond=None)[0]
-    return replace(start, values=tuple((name, float(value)) for name, value in zip(names, values, strict=True)))
+        weight = np.where(spread > 0.0, seen / spread, 0.0)
+    rows, targets = np.vstack((columns, np.diag(weight))), np.concatenate((left, np.zeros(mean.size)))
+    values = mean + np.linalg.lstsq(rows, targets, rcond=None)[0]
+    allowed = ((name, _allowed(chain, name, float(value))) for name, value in zip(names, values, strict=True))
+    return replace(start, values=(*start.values, *allowed))
+
+
+def _allowed(chain: Chain, name: str, value: float) -> float:
+    """A parameter `link.field` within its declared bounds [SI]."""
+    kind, _, field = name.partition(".")
+    declared = next(parameters_of(link)[field] for link in chain.links if link.kind == kind)
+    return min(max(value, declared.lower), declared.upper)
 
 
 def fitted_starts(chain: Chain) -> dict[str, Start]:
@@ -209,18 +222,29 @@ def _start_from(run: Mapping[str, Any]) -> Start:
     )
 
 
-def _rule_for_others(chain: Chain, record: Record) -> tuple[Start, float, tuple[str, ...]]:
-    """Of a run that was not fitted: history to start from, how long to look at it [s], its own parameters."""
+def _rule_for_others(
+    chain: Chain, record: Record, fitted: Sequence[Start]
+) -> tuple[Start, float, dict[str, tuple[float, float]]]:
+    """Of a run that was not fitted: history to start from, how long to look at it [s], what its own parameters may be.
+
+    A parameter is expected as in the fitted runs. One that goes on from run to run is known of the runs that the
+    diagnosis was given, and expected of others as it is after the last of those.
+    """
     notes = chain.notes.get("start", {})
     try:
         rule = notes.get("other", {})
         prior = tuple(float(v) for v in rule.get("prior_voltage_V", ()))
         settle_time = float(rule.get("settle_s", SETTLE_TIME))
         occupancy = tuple(float(v) for v in rule.get("occupancy", ()))
-        own = tuple(str(name) for name in rule.get("per_run", ()))
-    except (AttributeError, TypeError, ValueError) as error:
+        expected = {str(name): _expected(fitted, str(name)) for name in rule.get("per_run", ())}
+        now = {f"{link.kind}.{field}": value for link in chain.links for field, value in vars(link).items()}
+        going = {str(name): values for name, values in rule.get("goes_on", {}).items()}
+        told = tuple((name, float(v[record.sha256])) for name, v in going.items() if record.sha256 in v)
+        after = {name: float(now[name]) for name in going if name not in dict(told)}
+        expected.update({name: (value, _SOON * value) for name, value in after.items()})
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _malformed(chain, error) from None
-    return Start(prior, typical_leg(record), occupancy=occupancy), settle_time, own
+    return Start(prior, typical_leg(record), occupancy=occupancy, values=told), settle_time, expected
 
 
 def _malformed(chain: Chain, error: Exception) -> BenchError:
