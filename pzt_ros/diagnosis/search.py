@@ -5,24 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import repeat
 
 import numpy as np
 
-from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, gain_of, share_of
+from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, share_of
 from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone, without
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import alike_by_design
 from pzt_ros.diagnosis.informed import informed
+from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
-from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
-from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, EFFECTS
+from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
@@ -32,11 +32,10 @@ _RIVAL = 0.6  # of the best one's gain
 
 
 @dataclass
-class Search:
+class Search(Judge):
     """Forward addition of effects.
 
     Attributes:
-        thresholds: what is asked of an effect.
         effects: that may be named.
         progress: is told what is being tried.
         workers: refit the candidates.
@@ -44,7 +43,6 @@ class Search:
             make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
     """
 
-    thresholds: Thresholds = field(default_factory=Thresholds)
     effects: Sequence[Effect] = EFFECTS
     progress: Callable[[str], None] = lambda text: None
     workers: Workers = IN_THIS_PROCESS
@@ -99,7 +97,7 @@ class Search:
     def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
         """The steps, or one more where that explains what kept the last from being decided."""
         last = steps[-1]
-        if not self._may_be_decided(last):
+        if not self.may_be_decided(last):
             return steps
         further = self.step(last.after)
         if not further.accepted or further.tied or not self.explains([*steps, further], base):
@@ -112,20 +110,12 @@ class Search:
         alike = [other for other in last.tied[1:] if self._still_ties(winner, other)]
         return [*steps[:-1], replace(last, tied=(name, *alike) if alike else ()), further]
 
-    def _may_be_decided(self, step: Step) -> bool:
-        """Whether effects tie although the runs could tell them apart, beside something else that is left."""
-        near, far = self.thresholds.near_floor, self.thresholds.reachable
-        if not step.tied or STRAIN_LAW in step.tied or not near < step.after.fit.ratio <= far:
-            return False
-        blind = alike_by_design([run.record for run in step.before.staged.runs])
-        return not any(step.accepted[-1].cause in each.effects for each in blind)
-
     def _still_ties(self, winner: Candidate, name: str) -> bool:
         """Whether an effect refitted in the winner's place is as good; a refit that fails does not rule it out."""
         found, refused = replace(self, effects=(EFFECT_OF[name],))._candidates(winner.before, winner.before)
         if not found:
             return name not in refused  # or the screen saw next to nothing of it
-        return self._is_as_good(winner, replace(found[0], after=taken_on(found[0].after, self.thresholds)))
+        return self.is_as_good(winner, replace(found[0], after=taken_on(found[0].after, self.thresholds)))
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""
@@ -133,17 +123,6 @@ class Search:
             return [*steps]
         paired = self._pair_step(steps[-1])
         return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired])
-
-    def is_half_told(self, steps: Sequence[Step]) -> bool:
-        """Whether an effect that is not enough alone is all that is missing where it was fitted, or where not.
-
-        So much is not missing by chance: another effect hides in the others.
-        """
-        last, asked = steps[-1], self.thresholds
-        if last.accepted or last.before.effects:
-            return False
-        sound = [c for c in last.candidates if self._is_significant(c) and c.share > asked.half_share]
-        return any(max(c.fit_share, c.selection_share) > asked.whole for c in sound)
 
     def _weighed(self, steps: list[Step]) -> list[Step]:
         """The steps without what was only needed until all of them were there."""
@@ -166,13 +145,13 @@ class Search:
         if not before.effects:
             candidates = self._from_elsewhere(before, candidates)
         candidates = polished(candidates, self.thresholds, self.workers)
-        sound = [c for c in candidates if self._is_significant(c)]
+        sound = [c for c in candidates if self.is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = self._plainest(sound)
         candidates = _headed_by(winner, candidates)
-        if self._is_enough(winner) and not self._is_the_base(winner):
-            tied = self._tied(winner, [c for c in candidates if c in sound or self._is_outvoted(winner, c)])
+        if self.is_enough(winner) and not self._is_the_base(winner):
+            tied = self._tied(winner, [c for c in candidates if c in sound or self.is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         known = self._informed(candidates, sound)
         if known:
@@ -191,7 +170,7 @@ class Search:
         if bare is None or bare.total >= winner.before.total:
             return False
         tried = replace(winner, before=bare)
-        return self.at_floor(bare) or not (self._is_significant(tried) and self._is_enough(tried))
+        return self.at_floor(bare) or not (self.is_significant(tried) and self.is_enough(tried))
 
     def _informed(
         self, candidates: Sequence[Candidate], sound: Sequence[Candidate]
@@ -206,7 +185,7 @@ class Search:
         self.progress("weighing " + ", ".join(c.name for c in worth) + _beside(worth[0].before.effects))
         best, *others = informed(worth, self.workers)
         winner = next((c for c in sound if c.name == best.name), None)
-        if winner is None or best.share < asked.informed_share or not self._is_enough(best):
+        if winner is None or best.share < asked.informed_share or not self.is_enough(best):
             return None
         # nothing is left that chooses, so nothing decides between two that are nearly as good
         near = [o for o in others if o.cause != best.cause and o.share >= asked.flexible_alike * best.share]
@@ -217,7 +196,7 @@ class Search:
         """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
         best = sound[0]
         fewer = [c for c in sound if c.cause == best.cause and c.unknowns < best.unknowns]
-        plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self._is_as_good(best, c)]
+        plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)
 
     def _from_elsewhere(self, before: Hypothesis, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
@@ -232,27 +211,12 @@ class Search:
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
-        sound = [c for c in step.candidates if self._is_significant(c) and c.share > self.thresholds.half_share]
+        sound = [c for c in step.candidates if self.is_significant(c) and c.share > self.thresholds.half_share]
         pair = self._pair(step.before, sound) if not step.accepted else ()
         if not pair:
             return step
         verdict = f"explains {share_of(step.before, pair[-1].after):.0%} of the excess together"
         return replace(step, accepted=pair, verdict=verdict)
-
-    def explains(self, steps: Sequence[Step], base: Hypothesis) -> bool:
-        """Whether a search ended where nothing is left, or nothing but what its effects' shapes are off by."""
-        final = steps[-1].after if steps else base
-        share = share_of(base, final) if final is not base else 0.0
-        near = max(final.ratios) < self.thresholds.near_floor
-        return self.at_floor(final) or (share > self.thresholds.whole and near)
-
-    def is_outdone(self, steps: Sequence[Step], other: Hypothesis) -> bool:
-        """Whether another base without an effect leaves far less beyond the noise than the search so far."""
-        return other.excess < self.thresholds.outdone * steps[-1].after.excess
-
-    def at_floor(self, hypothesis: Hypothesis) -> bool:
-        """Whether nothing is left in any run that would have to be explained."""
-        return max(hypothesis.ratios) <= self.thresholds.floor
 
     def _candidates(
         self, before: Hypothesis, seen_from: Hypothesis, most: float = math.inf
@@ -303,41 +267,15 @@ class Search:
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + _beside(before.effects))
         afters = self.workers.map(_fitted, prospects, repeat(before.effects))
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
-        rivals = [rival for rival in _rivals(found) if self._is_worth_finishing(rival)]
+        rivals = [rival for rival in _rivals(found) if self.is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
         better = dict(zip(rivals, exacts, strict=True))
         return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
 
-    def _is_worth_finishing(self, candidate: Candidate) -> bool:
-        asked, left = self.thresholds, candidate.after.fit.ratio
-        near = left <= max(asked.finishable, asked.much_less * candidate.before.fit.ratio)
-        return near and candidate.fit_share >= asked.finish_share
-
-    def _is_significant(self, candidate: Candidate) -> bool:
-        asked = self.thresholds
-        shows = candidate.fit_gain > asked.fit_gain and candidate.fit_size > asked.size
-        ahead = candidate.selection_gain > asked.selection_gain and candidate.selection_size > asked.selection_size
-        return ahead and (shows or self._is_foretold(candidate))
-
-    def _is_foretold(self, candidate: Candidate) -> bool:
-        """Whether fitted runs that hardly show an effect tell enough of it to explain what is left of the others."""
-        asked = self.thresholds
-        told = not EFFECT_OF[candidate.name].per_run and candidate.fit_gain > asked.foretold_gain
-        return told and candidate.selection_gain > asked.foretells and candidate.selection_share >= asked.pair_share
-
-    def _is_enough(self, winner: Candidate) -> bool:
-        """Whether it explains so much that it is named; beside one that it is taken for easily, nearly all of it."""
-        before, asked = winner.before, self.thresholds
-        if not before.effects:
-            return winner.share >= asked.share or (self.at_floor(winner.after) and not self.at_floor(before))
-        causes = [EFFECT_OF[name].reported for name in before.effects]
-        alike = any(frozenset((winner.cause, cause)) in CONFOUNDED for cause in causes)
-        return winner.share >= (asked.pair_share if alike else asked.share)
-
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
-        return self._group(winner, [o for o in others if o.cause != winner.cause and self._is_as_good(winner, o)])
+        return self._group(winner, [o for o in others if o.cause != winner.cause and self.is_as_good(winner, o)])
 
     def _group(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """The winner with those that are as good, and with what no fit to these runs could tell from it, if any."""
@@ -348,27 +286,6 @@ class Search:
         if winner.cause == SensorNonlinearity.kind and self._is_law_as_good(winner):
             alike.append(STRAIN_LAW)
         return (winner.name, *alike) if alike else ()
-
-    def _is_outvoted(self, winner: Candidate, other: Candidate) -> bool:
-        """Whether what chooses says little between the two: the winner has values of its own in each run there."""
-        confounded = frozenset((winner.cause, other.cause)) in CONFOUNDED
-        return confounded and bool(EFFECT_OF[winner.name].per_run) and other.fit_gain > self.thresholds.fit_gain
-
-    def _is_as_good(self, winner: Candidate, other: Candidate) -> bool:
-        gained = winner.before.total - winner.after.total
-        alike = not self.at_floor(winner.after) and frozenset((winner.cause, other.cause)) in CONFOUNDED
-        asked = self.thresholds.alike_tie if alike else self.thresholds.tie
-        if self._is_outvoted(winner, other):
-            before, here, there = (found.fit for found in (winner.before, winner.after, other.after))
-            near = there.ratio <= self.thresholds.near_floor * here.ratio
-            return near and before.total - there.total >= asked * (before.total - here.total)
-        if winner.before.total - other.after.total < asked * gained:
-            return False
-        decided = gain_of(other.after.fit, winner.after.fit) > self.thresholds.decisive
-        if winner.before.selection.samples:
-            decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
-        # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
-        return not (decided and self.at_floor(winner.after)) or winner.after.staged.has_past
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
@@ -382,17 +299,12 @@ class Search:
         for first in sound[:2]:
             beside = self._candidates(first.after, first.after, most)[0]
             # the second has to be needed: half of what the first leaves, or it only takes up what the base is off by
-            following = [c for c in beside if self._is_significant(c) and self._is_needed(c)]
+            following = [c for c in beside if self.is_significant(c) and self.is_needed(c)]
             if following:
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:
                     best = pair
         return best if best and share_of(before, best[-1].after) >= self.thresholds.pair_share else ()
-
-    def _is_needed(self, second: Candidate) -> bool:
-        """Whether a second effect explains half of what the first leaves; of runs not fitted where that is anything."""
-        left = second.before.selection.ratio > self.thresholds.floor
-        return (second.share if left else second.fit_share) >= self.thresholds.share
 
     def _nothing(self, before: Hypothesis) -> str:
         if self.at_floor(before):

@@ -314,7 +314,7 @@ def test_what_the_fitted_runs_hardly_show_may_be_told_by_what_it_explains_elsewh
         name=name, fit_gain=fit_gain, fit_size=0.08, selection_gain=selection_gain, selection_size=1.3,
         selection_share=selection_share,
     )  # fmt: skip
-    assert Search()._is_significant(cast(Candidate, shown)) == is_significant
+    assert Search().is_significant(cast(Candidate, shown)) == is_significant
 
 
 def test_a_curve_that_takes_little_from_a_free_law_is_as_likely_one_of_its_powers() -> None:
@@ -398,7 +398,7 @@ def test_two_at_once_need_one_another(left_by_both: float, is_pair: bool) -> Non
         def _candidates(self, *_: object) -> tuple[tuple[Candidate, ...], dict[str, str]]:
             return (second,), {}
 
-        def _is_significant(self, candidate: Candidate) -> bool:
+        def is_significant(self, candidate: Candidate) -> bool:
             return True
 
     assert Offering()._pair(base, [first]) == ((first, second) if is_pair else ())
@@ -480,9 +480,9 @@ def test_a_drift_is_not_put_first_by_values_of_its_own_where_nothing_was_fitted(
     drift = Candidate("thermal_drift", before, misfitting(1.02, 1.0))
     relaxation = Candidate("slow_relaxation", before, misfitting(left, 3.0))
     search = Search()
-    assert search._is_outvoted(drift, relaxation)
-    assert not search._is_outvoted(relaxation, drift)
-    assert search._is_as_good(drift, relaxation) is tied
+    assert search.is_outvoted(drift, relaxation)
+    assert not search.is_outvoted(relaxation, drift)
+    assert search.is_as_good(drift, relaxation) is tied
 
 
 @pytest.mark.parametrize("driven", [False, True])
@@ -492,9 +492,9 @@ def test_beside_an_unknown_past_no_likelihood_decides(driven: bool) -> None:
     mode = Candidate("mechanical_resonance", before, misfitting(1.02, 1.0))
     lag = Candidate("sensor_lag", before, misfitting(1.04, 1.03))
     mode.after.staged = SimpleNamespace(has_past=driven)  # type: ignore[misc, assignment]
-    assert Search()._is_as_good(mode, lag) is driven
+    assert Search().is_as_good(mode, lag) is driven
     worse = Candidate("slow_relaxation", before, misfitting(1.5, 1.5))
-    assert not Search()._is_as_good(mode, worse)
+    assert not Search().is_as_good(mode, worse)
 
 
 @pytest.mark.parametrize(("driven", "left", "is_base"), [(True, 1.02, True), (True, 1.9, False), (False, 1.02, False)])
@@ -507,7 +507,7 @@ def test_beside_an_unknown_past_an_effect_has_to_beat_the_base_from_where_it_sta
     bare = misfitting(left, left)
     bare.effects = ()
     monkeypatch.setattr(search_of_effects, "without", lambda found, name: bare)
-    monkeypatch.setattr(Search, "_is_significant", lambda self, candidate: True)
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
     assert Search()._is_the_base(winner) is is_base
 
 

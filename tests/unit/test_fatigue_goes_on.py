@@ -150,7 +150,7 @@ def test_what_explains_all_of_one_kind_of_parts_asks_for_a_second_effect(
     monkeypatch: pytest.MonkeyPatch, fit: float, selection: float, told: bool
 ) -> None:
     """Two court cases: fatigue was all that the test runs lacked, and not half of what the train runs did."""
-    monkeypatch.setattr(Search, "_is_significant", lambda self, candidate: True)
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
     found = candidate(fit, selection)
     step = Step(found.before, (found,), {}, (), (), "")
     assert Search().is_half_told([step]) is told
@@ -161,6 +161,6 @@ def test_a_second_effect_need_not_explain_what_nothing_is_left_of() -> None:
     """A court case: a mode took all that was left of the fitted runs, and two fifths of hardly anything elsewhere."""
     near = candidate(0.0, 0.002)  # leaves 1.008 x the noise where it was not fitted
     near.before.__dict__.update(selection=Misfit(1060.0, 1000, 1000.0))
-    assert Search()._is_needed(near)
+    assert Search().is_needed(near)
     far = candidate(0.0, 0.6)
-    assert not Search()._is_needed(far)
+    assert not Search().is_needed(far)

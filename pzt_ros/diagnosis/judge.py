@@ -1,0 +1,113 @@
+"""What is believed of effects that were refitted: every decision that asks the thresholds only, and fits nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pzt_ros.diagnosis.candidates import Candidate, Step, gain_of, share_of
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.identifiability import alike_by_design
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
+from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
+
+
+@dataclass
+class Judge:
+    """Decisions by thresholds.
+
+    Attributes:
+        thresholds: what is asked of an effect.
+    """
+
+    thresholds: Thresholds = field(default_factory=Thresholds)
+
+    def explains(self, steps: Sequence[Step], base: Hypothesis) -> bool:
+        """Whether a search ended where nothing is left, or nothing but what its effects' shapes are off by."""
+        final = steps[-1].after if steps else base
+        share = share_of(base, final) if final is not base else 0.0
+        near = max(final.ratios) < self.thresholds.near_floor
+        return self.at_floor(final) or (share > self.thresholds.whole and near)
+
+    def is_outdone(self, steps: Sequence[Step], other: Hypothesis) -> bool:
+        """Whether another base without an effect leaves far less beyond the noise than the search so far."""
+        return other.excess < self.thresholds.outdone * steps[-1].after.excess
+
+    def at_floor(self, hypothesis: Hypothesis) -> bool:
+        """Whether nothing is left in any run that would have to be explained."""
+        return max(hypothesis.ratios) <= self.thresholds.floor
+
+    def is_half_told(self, steps: Sequence[Step]) -> bool:
+        """Whether an effect that is not enough alone is all that is missing where it was fitted, or where not.
+
+        So much is not missing by chance: another effect hides in the others.
+        """
+        last, asked = steps[-1], self.thresholds
+        if last.accepted or last.before.effects:
+            return False
+        sound = [c for c in last.candidates if self.is_significant(c) and c.share > asked.half_share]
+        return any(max(c.fit_share, c.selection_share) > asked.whole for c in sound)
+
+    def is_significant(self, candidate: Candidate) -> bool:
+        """Whether it shows itself, where it was fitted and where not, beyond what noise that remembers itself does."""
+        asked = self.thresholds
+        shows = candidate.fit_gain > asked.fit_gain and candidate.fit_size > asked.size
+        ahead = candidate.selection_gain > asked.selection_gain and candidate.selection_size > asked.selection_size
+        return ahead and (shows or self.is_foretold(candidate))
+
+    def is_foretold(self, candidate: Candidate) -> bool:
+        """Whether fitted runs that hardly show an effect tell enough of it to explain what is left of the others."""
+        asked = self.thresholds
+        told = not EFFECT_OF[candidate.name].per_run and candidate.fit_gain > asked.foretold_gain
+        return told and candidate.selection_gain > asked.foretells and candidate.selection_share >= asked.pair_share
+
+    def is_enough(self, winner: Candidate) -> bool:
+        """Whether it explains so much that it is named; beside one that it is taken for easily, nearly all of it."""
+        before, asked = winner.before, self.thresholds
+        if not before.effects:
+            return winner.share >= asked.share or (self.at_floor(winner.after) and not self.at_floor(before))
+        causes = [EFFECT_OF[name].reported for name in before.effects]
+        alike = any(frozenset((winner.cause, cause)) in CONFOUNDED for cause in causes)
+        return winner.share >= (asked.pair_share if alike else asked.share)
+
+    def is_needed(self, second: Candidate) -> bool:
+        """Whether a second effect explains half of what the first leaves; of runs not fitted where that is anything."""
+        left = second.before.selection.ratio > self.thresholds.floor
+        return (second.share if left else second.fit_share) >= self.thresholds.share
+
+    def is_outvoted(self, winner: Candidate, other: Candidate) -> bool:
+        """Whether what chooses says little between the two: the winner has values of its own in each run there."""
+        confounded = frozenset((winner.cause, other.cause)) in CONFOUNDED
+        return confounded and bool(EFFECT_OF[winner.name].per_run) and other.fit_gain > self.thresholds.fit_gain
+
+    def is_as_good(self, winner: Candidate, other: Candidate) -> bool:
+        """Whether another explains so nearly as much that these runs do not decide between the two."""
+        gained = winner.before.total - winner.after.total
+        alike = not self.at_floor(winner.after) and frozenset((winner.cause, other.cause)) in CONFOUNDED
+        asked = self.thresholds.alike_tie if alike else self.thresholds.tie
+        if self.is_outvoted(winner, other):
+            before, here, there = (found.fit for found in (winner.before, winner.after, other.after))
+            near = there.ratio <= self.thresholds.near_floor * here.ratio
+            return near and before.total - there.total >= asked * (before.total - here.total)
+        if winner.before.total - other.after.total < asked * gained:
+            return False
+        decided = gain_of(other.after.fit, winner.after.fit) > self.thresholds.decisive
+        if winner.before.selection.samples:
+            decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
+        # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
+        return not (decided and self.at_floor(winner.after)) or winner.after.staged.has_past
+
+    def may_be_decided(self, step: Step) -> bool:
+        """Whether effects tie although the runs could tell them apart, beside something else that is left."""
+        near, far = self.thresholds.near_floor, self.thresholds.reachable
+        if not step.tied or STRAIN_LAW in step.tied or not near < step.after.fit.ratio <= far:
+            return False
+        blind = alike_by_design([run.record for run in step.before.staged.runs])
+        return not any(step.accepted[-1].cause in each.effects for each in blind)
+
+    def is_worth_finishing(self, candidate: Candidate) -> bool:
+        """Whether a name could still come of a refit that is made exact and goes on."""
+        asked, left = self.thresholds, candidate.after.fit.ratio
+        near = left <= max(asked.finishable, asked.much_less * candidate.before.fit.ratio)
+        return near and candidate.fit_share >= asked.finish_share
