@@ -39,15 +39,32 @@ class Judge:
         return max(hypothesis.ratios) <= self.thresholds.floor
 
     def is_half_told(self, steps: Sequence[Step]) -> bool:
-        """Whether an effect that is not enough alone is all that is missing where it was fitted, or where not.
+        """Whether what is missing looks like two effects, neither of which is enough alone.
 
-        So much is not missing by chance: another effect hides in the others.
+        So it does where two make it up between them, and where one is all that is missing where it was fitted, or where
+        not: so much is not missing by chance, and another effect hides in the others.
         """
         last, asked = steps[-1], self.thresholds
         if last.accepted or last.before.effects:
             return False
         sound = [c for c in last.candidates if self.is_significant(c) and c.share > asked.half_share]
-        return any(max(c.fit_share, c.selection_share) > asked.whole for c in sound)
+        most = max((max(c.fit_share, c.selection_share) for c in sound), default=0.0)
+        return most > asked.whole or bool(self.complementary(last.candidates))
+
+    def complementary(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Those that make up what two effects have to explain together with another that is not easily taken for them.
+
+        Each may be one that the other kind of parts hardly shows.
+        """
+        least = self.thresholds.pair_share
+
+        def make_up(one: Candidate, other: Candidate) -> bool:
+            if one.cause == other.cause or frozenset((one.cause, other.cause)) in CONFOUNDED:
+                return False
+            selection = one.selection_share + other.selection_share
+            return min(one.fit_share + other.fit_share, selection) >= least
+
+        return [c for c in candidates if self.is_significant(c) and any(make_up(c, other) for other in candidates)]
 
     def is_significant(self, candidate: Candidate) -> bool:
         """Whether it shows itself, where it was fitted and where not, beyond what noise that remembers itself does."""

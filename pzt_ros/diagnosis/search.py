@@ -211,7 +211,9 @@ class Search(Judge):
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
-        sound = [c for c in step.candidates if self.is_significant(c) and c.share > self.thresholds.half_share]
+        sound = self.complementary(step.candidates)
+        sound += [c for c in step.candidates if self.is_significant(c) and c.share > self.thresholds.half_share]
+        sound = list(dict.fromkeys(sound))
         pair = self._pair(step.before, sound) if not step.accepted else ()
         if not pair:
             return step
@@ -304,6 +306,8 @@ class Search(Judge):
                 pair = (first, following[0])
                 if not best or pair[-1].after.total < best[-1].after.total:
                     best = pair
+            if best and self.at_floor(best[-1].after):
+                break
         return best if best and share_of(before, best[-1].after) >= self.thresholds.pair_share else ()
 
     def _nothing(self, before: Hypothesis) -> str:

@@ -164,3 +164,15 @@ def test_a_second_effect_need_not_explain_what_nothing_is_left_of() -> None:
     assert Search().is_needed(near)
     far = candidate(0.0, 0.6)
     assert not Search().is_needed(far)
+
+
+@pytest.mark.parametrize(
+    ("name", "selection", "told"), [("mains_hum", 0.1, True), ("mains_hum", 0.5, False), ("thermal_drift", 0.1, False)]
+)
+def test_two_that_make_it_up_between_them_are_tried_together(
+    monkeypatch: pytest.MonkeyPatch, name: str, selection: float, told: bool
+) -> None:
+    """A court case: a bias was most of what the train runs lacked, a current limit of what the test runs did."""
+    one, other = candidate(0.4, 0.8), dataclasses.replace(candidate(0.5, selection), name=name)
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: candidate is one)
+    assert Search().complementary([other, one]) == ([one] if told else [])
