@@ -19,6 +19,7 @@ _SHORTEST_HOLD = 60  # samples
 _SKIPPED = 0.3  # of a hold, from its start: what rings or creeps fast
 _FIFTHS = 5  # parts of a hold whose means are compared: what is slower may be creep
 _COLOURED = 1.12  # scatter in holds over what neighbouring samples say
+_DIES_AWAY = 0.75  # of the scatter in whole holds: less in their second halves is not chance
 _PERIODS = 16.0  # of a tone in a hold, so that it stands out
 
 Stretch = tuple[Array, Array]
@@ -82,8 +83,13 @@ def _without_tones(runs: Sequence[Sequence[Stretch]]) -> list[list[Array]]:
 
 
 def _colour(stretches: Sequence[Array]) -> float:
-    """Noise as slow as a fifth of a hold over that of neighbouring samples; 1 where that is no more than chance."""
+    """Noise as slow as a fifth of a hold over that of neighbouring samples; 1 where that is no more than chance.
+
+    What dies away within a hold is ringing, so where their second halves show far less, those tell.
+    """
     colour = spread_of(stretches, _FIFTHS)
+    late = spread_of([stretch[stretch.size // 2 :] for stretch in stretches], _FIFTHS)
+    colour = late if late < _DIES_AWAY * colour else colour
     return colour if colour > _COLOURED else 1.0
 
 

@@ -90,7 +90,7 @@ EFFECTS: tuple[Effect, ...] = (
         starts=_starts(
             loss=(1e-4,) * 6,
             exponent=(0.5, 1.0, 1.5, 1.0, 1.0, 1.0),
-            lasting=(1e30, 1e30, 1e30, 3.0, 10.0, 30.0),
+            lasting=(100.0, 100.0, 100.0, 3.0, 10.0, 30.0),  # never for ever: no fit would find back from there
         ),
         free=("loss", "exponent", "lasting"),
         goes_on="cycles_before",
