@@ -48,9 +48,16 @@ def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, wor
 
 
 def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
-    """The first that explains all, or the one with the least misfit."""
+    """The first that explains all, or the one with the least misfit.
+
+    Where the declared density comes near the noise and leaves hardly more than another, its few unknowns speak for it.
+    """
     explaining = [branch for branch in branches if branch.explains(asked)]
-    return explaining[0] if explaining else min(branches, key=lambda branch: branch.final.total)
+    if explaining:
+        return explaining[0]
+    best, declared = min(branches, key=lambda branch: branch.final.total), branches[0]
+    is_near = max(declared.final.ratios) < asked.near_floor
+    return declared if is_near and declared.final.total <= asked.plainer * best.final.total else best
 
 
 def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:

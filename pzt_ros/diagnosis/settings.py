@@ -40,6 +40,7 @@ class Thresholds:
         trial_promise: as `further_promise` until another base was tried.
         outdone: share of the excess that another base may leave at most for the search on this one to end.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
+        plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred near the noise.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
@@ -88,6 +89,7 @@ class Thresholds:
     trial_promise: float = 0.5
     outdone: float = 0.25
     rateless: float = 3.0
+    plainer: float = 1.03
     tie: float = 0.93
     alike_tie: float = 0.9
     flexible_alike: float = 0.75
