@@ -78,19 +78,18 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     if per_run:
         other["per_run"] = per_run
     if staged.given:
-        other["goes_on"] = _going(staged, [number for number in range(len(staged.runs)) if number not in known])
+        other["goes_on"] = _going(staged, known)
     notes = {"description": f"{name}, fitted by pzt diagnose", "start": {"runs": entries, "other": other}}
     notes["fit"] = {"command": command, "parameters": estimates(hypothesis)}
     return replace(chain, name=f"{staged.chain.name}-{name}", notes=notes)
 
 
-def _going(staged: Staged, numbers: Sequence[int]) -> dict[str, dict[str, float]]:
-    """What runs are known to begin with, by parameter and fingerprint of the run."""
-    found: dict[str, dict[str, float]] = {}
+def _going(staged: Staged, written: Sequence[int]) -> dict[str, dict[str, float]]:
+    """What runs without an entry of their own are known to begin with, by parameter and fingerprint of the run."""
+    found: dict[str, dict[str, float]] = {each.parameter: {} for each in staged.given}
     for each in staged.given:
-        of_runs = found.setdefault(each.parameter, {})
-        if each.run is not None and each.run in numbers:
-            of_runs[staged.runs[each.run].record.sha256] = each.start
+        if each.run is not None and each.run not in written:
+            found[each.parameter][staged.runs[each.run].record.sha256] = each.start
     return found
 
 

@@ -140,7 +140,7 @@ class Screen:
 
     def _given(self, effect: Effect, link: Link) -> list[tuple[Coordinate, ...]]:
         """What single runs may be known to begin with: nothing, or what the runs before have left."""
-        if not isinstance(link, GoesOn) or not effect.goes_on:
+        if not isinstance(link, GoesOn):
             return [()]
         counts = [link.gone_through(polarization) for polarization in self._polarizations]
         before = np.concatenate(([0.0], np.cumsum(counts[:-1])))

@@ -19,21 +19,20 @@ _SEEN, _POLARIZATION, _TRAVEL, _SIZE = 0, 1, 2, 3
 _LEAST = 0.01
 """What is left at the end; the law is one for small losses."""
 
-
-_FOR_EVER = 1e30
-"""Cycles [-]: a power law to the last digit."""
+_NEVER = 1e30
+"""Cycles to saturation [-]: a power law to the last digit."""
 
 _Law = tuple[float, float, float, float, float]
-"""Loss, exponent and lasting; way in a cycle [C/m^2] and cycles before the first sample."""
+"""What is lost in the end [-], exponent, saturation cycles, way in a cycle [C/m^2], cycles before the first sample."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolarizationFatigue(Link):
     """P less a part that grows with the cycles N gone through: the way of P so far over four reference polarizations.
 
-    The part is loss * n^exponent * (1 - exp(-(N/n)^exponent)): loss * N^exponent long before n cycles, the lasting,
-    and no more after it. Exponent 1 then loses the same in each cycle. N counts up to the sample before, so that the
-    inverse is exact; the difference is loss times the part of a cycle that lies between two samples.
+    The part is loss * n^exponent * (1 - exp(-(N/n)^exponent)), n the saturation cycles: loss * N^exponent long before
+    those, and no more after them. Exponent 1 then loses the same in each cycle. N counts up to the sample before, so
+    that the inverse is exact; the difference is loss times the part of a cycle that lies between two samples.
 
     Runs follow one another in a stage but not in a chain: the cycles before a run's first sample are a parameter. A
     diagnosis counts them in the order in which it is given the runs, or leaves them at none, as if the stage were poled
@@ -45,7 +44,7 @@ class PolarizationFatigue(Link):
 
     loss: float = parameter(0.0, "1", "part of the polarization lost in the first cycle", bounds=(0.0, 1.0))
     exponent: float = parameter(1.0, "1", "power of the number of cycles", bounds=(0.1, 3.0))
-    lasting: float = parameter(_FOR_EVER, "1", "cycles after which no more is lost", bounds=(1e-3, _FOR_EVER))
+    saturation_cycles: float = parameter(_NEVER, "1", "cycles after which no more is lost", bounds=(1e-3, _NEVER))
     reference_polarization: float = parameter(
         0.25, "C/m^2", "a quarter of the way of P in a cycle", bounds=(1e-6, 10.0)
     )
@@ -79,25 +78,28 @@ class PolarizationFatigue(Link):
 
     @property
     def _law(self) -> _Law:
-        return self.loss, self.exponent, self.lasting, 4.0 * self.reference_polarization, self.cycles_before
+        lost = self.loss * self.saturation_cycles**self.exponent
+        way = 4.0 * self.reference_polarization
+        return lost, self.exponent, self.saturation_cycles, way, self.cycles_before
 
 
 @njit(cache=True)
 def _left(state: Array, law: _Law) -> float:
     """Part of the polarization that is left [-]."""
-    loss, exponent, end, way, before = law
+    lost, exponent, saturation, way, before = law
     cycles = before + state[_TRAVEL] / way
-    return max(1.0 + loss * end**exponent * math.expm1(-((cycles / end) ** exponent)), _LEAST)
+    return max(1.0 + lost * math.expm1(-((cycles / saturation) ** exponent)), _LEAST)
 
 
 @njit(cache=True)
-def _worn(state: Array, law: _Law) -> float:
-    """What is lost with a way of 1 C/m^2 more [m^2/C]."""
-    loss, exponent, end, way, before = law
+def _worn(state: Array, left: float, law: _Law) -> float:
+    """What is lost with a way of 1 C/m^2 more [m^2/C], where so much is left."""
+    lost, exponent, saturation, way, before = law
     cycles = before + state[_TRAVEL] / way
-    if cycles == 0.0 or _left(state, law) == _LEAST:
+    if cycles == 0.0 or left == _LEAST:
         return 0.0
-    return loss * exponent * cycles ** (exponent - 1.0) * math.exp(-((cycles / end) ** exponent)) / way
+    share = (cycles / saturation) ** exponent
+    return lost * exponent * share / cycles * math.exp(-share) / way
 
 
 @njit(cache=True)
@@ -119,7 +121,8 @@ def _tire_columns(state: Array, fresh: Array, change: Columns, out: Columns, law
     """The tangent of `_tire`."""
     travel = np.zeros(change.shape[1])  # change of the way so far
     for k in range(fresh.size):
-        left, worn = _left(state, law), _worn(state, law)
+        left = _left(state, law)
+        worn = _worn(state, left, law)
         step = fresh[k] - state[_POLARIZATION] if k > 0 else 0.0
         sign = np.sign(step)
         for i in range(change.shape[1]):

@@ -90,9 +90,16 @@ EFFECTS: tuple[Effect, ...] = (
         starts=_starts(
             loss=(1e-4,) * 6,
             exponent=(0.5, 1.0, 1.5, 1.0, 1.0, 1.0),
-            lasting=(100.0, 100.0, 100.0, 3.0, 10.0, 30.0),  # never for ever: no fit would find back from there
+            saturation_cycles=(
+                100.0,
+                100.0,
+                100.0,
+                3.0,
+                10.0,
+                30.0,
+            ),  # not never: no fit finds back from there
         ),
-        free=("loss", "exponent", "lasting"),
+        free=("loss", "exponent", "saturation_cycles"),
         goes_on="cycles_before",
         absence="a stroke that shrinks with the cycles gone through and stays as it is in a pause",
         next_experiment="the same loop before and after a pause without cycling, and before and after many cycles",

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import chain_as_data, load_chain, parse_chain, shipped_chains
-from pzt_ros.effects.effect import PLACES, Effect
+from pzt_ros.effects.effect import PLACES, Effect, GoesOn
 from pzt_ros.effects.insert import effects_in, with_effect, without_effect
 from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
@@ -86,6 +86,8 @@ def test_declaration_makes_sense(effect: Effect) -> None:
     assert effect.amplitude in effect.free
     assert set(effect.per_run) <= set(effect.free) <= set(declared)
     assert set(effect.needs) <= set(KNOWN_COLUMNS)
+    assert (effect.goes_on in declared) == isinstance(effect.link(), GoesOn)
+    assert effect.goes_on not in effect.free
     assert effect.absence
     assert effect.next_experiment
     assert len(effect.starts) <= 24

@@ -74,7 +74,7 @@ def repaired(goes_on: bool) -> tuple[Hypothesis, Hypothesis, list[Record], list[
 
 def test_the_loss_comes_to_an_end() -> None:
     """As an exponential has it: a start that loses the same in each cycle, and no more after many."""
-    link = PolarizationFatigue(loss=1e-3, lasting=20.0)
+    link = PolarizationFatigue(loss=1e-3, saturation_cycles=20.0)
     loop = 0.25 * np.abs(np.arange(4001 * 8) / 1000 % 4 - 2) - 0.25
     cycles = link.gone_through(loop)
     left = link.step(link.init(Rest()), Signals(np.arange(loop.size) * 1e-3, polarization=loop))[1].polarization
