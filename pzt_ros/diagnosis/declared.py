@@ -29,11 +29,11 @@ _FAR = 0.01  # so far apart, in coordinates, two places have to be for their dif
 _FAR_OFF = 5.0  # rms over noise: the front model is off by a fraction of the noise of a good sensor
 _FAR_BESIDE_PASTS = 1.6  # while more than this is missing, pasts are sought that make up for it, exact or not
 _ROUGH = 6e-4  # rms of the difference over the span of P from which the front model is too far off for a run
-_WIDE, _LOOSE = 1.0, 1e-3  # thermal widths between domains, error of x+: of what takes its place
+_WIDE, _LOOSE = 0.5, 1e-3  # thermal widths between domains, error of x+: of what takes its place
 _WIDEST = 10.0  # thermal widths between domains
 _COARSEST = 1e-2  # error of x+ on slow ramps
 _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 15 s
-_MOST_WIDE_DOMAINS = 4_000  # of one that takes the front model's place: spreads that ran away would make it far slower
+_MOST_WIDE_DOMAINS = 8_000  # of one that takes the front model's place: spreads that ran away would make it far slower
 
 
 class _Slope(NamedTuple):

@@ -79,8 +79,28 @@ def test_what_takes_the_front_models_place_has_fewer_domains_still() -> None:
     assert domains(near) <= 1.1 * declared._MOST_WIDE_DOMAINS < domains(ceramic.model)
 
 
-def test_a_search_knows_how_the_difference_changed_on_its_way() -> None:
+def test_what_takes_the_front_models_place_has_its_slopes() -> None:
+    """Domains a thermal width apart gave P well, but slopes that were half off: refits crept and came to no end."""
+    link = lattice()
+    names = ["coercive_field", "relaxation_time", "reciprocal_permittivity", "domain_volume"]
+    time = np.arange(0.0, 1.0, 1e-3)
+    voltage = 60.0 - 50.0 * np.cos(2.0 * np.pi * time) + 8.0 * np.sin(2.0 * np.pi * 60.0 * time)  # turns and turns
+    record = Record("busy", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
+    ceramic = DeclaredHysteresis(link, link, [coordinate(link, name) for name in names], [record], [Start()])
+    ceramic._rough = [True]
+    here = ceramic.polarization(ceramic.start, [voltage])[0]
+    slopes = ceramic._differentiated(ceramic.start, 0, voltage, here)
+    for column, name in enumerate(names):
+        higher, lower = ceramic.start.copy(), ceramic.start.copy()
+        higher[column], lower[column] = 3e-3, -3e-3
+        there, back = (ceramic._run(ceramic.link(v), v, 0, voltage) for v in (higher, lower))
+        true = (there - back) / 6e-3
+        assert np.linalg.norm(slopes[:, column] - true) < 0.2 * np.linalg.norm(true), name
+
+
+def test_a_search_knows_how_the_difference_changed_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exact where it was last, and at the place before, too: between them the model is met to second order."""
+    monkeypatch.setattr(declared, "_WIDE", 1.0)  # so that there is a difference to learn
     link = lattice()
     coarse = dataclasses.replace(link, spacing=1.0, accuracy=1e-3)
     free = [coordinate(link, "relaxation_time"), coordinate(link, "coercive_field")]
