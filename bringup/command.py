@@ -30,6 +30,9 @@ def bring_up(
     ] = None,
     composed: Annotated[bool, typer.Option(help="the loop in one process, the recorder in another")] = False,
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
+    priority: Annotated[
+        bool, typer.Option(help="with --real-time: real-time priority for the loop, where the system allows it")
+    ] = True,
     domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",
     drivers: Annotated[Path | None, typer.Option(help="YAML file of instruments; simulated ones by default")] = None,
@@ -37,7 +40,7 @@ def bring_up(
 ) -> None:
     """Start the node graph, run a scenario, record a bag, stop cleanly."""
     try:
-        outcome = run_graph(scenario, out, duration, composed, real_time, domain, namespace, drivers, quiet)
+        outcome = run_graph(scenario, out, duration, composed, real_time, domain, namespace, drivers, quiet, priority)
     except BenchError as error:
         outcome = Outcome(error.exit_code, str(error))
     if outcome.exit_code:
@@ -57,6 +60,7 @@ def run_graph(
     namespace: str,
     drivers: Path | None,
     quiet: bool,
+    priority: bool = True,
 ) -> Outcome:
     """Bring the graph up and see it to its end.
 
@@ -71,7 +75,10 @@ def run_graph(
     chosen = axes or (Axis(namespace.strip("/"), scenario, drivers),)
     lock = take_domain(domain)
     try:
-        plans = [_plan(axis, out.resolve(), bool(axes), composed, real_time, duration, lock.domain) for axis in chosen]
+        plans = [
+            _plan(axis, out.resolve(), bool(axes), composed, real_time, priority, duration, lock.domain)
+            for axis in chosen
+        ]
         for plan in plans:
             prepare(plan)
             compile_once(plan.scenario, lambda text: None if quiet else print(text, file=sys.stderr))
@@ -87,7 +94,14 @@ def run_graph(
 
 
 def _plan(
-    axis: Axis, out: Path, one_of_many: bool, composed: bool, real_time: bool, duration: float | None, domain: int
+    axis: Axis,
+    out: Path,
+    one_of_many: bool,
+    composed: bool,
+    real_time: bool,
+    priority: bool,
+    duration: float | None,
+    domain: int,
 ) -> Plan:
     scenario = load_scenario(axis.scenario)
     drivers = load_drivers(axis.drivers) if axis.drivers else Drivers()
@@ -96,7 +110,17 @@ def _plan(
     if neighbour and rate != REAL_TIME:
         raise BenchError(f"axis {axis.name} feels {axis.neighbour}, and only the wall clock is common: add --real-time")
     return Plan(
-        scenario, folder, composed, rate, duration, domain, f"/{axis.name}", drivers, not one_of_many, neighbour
+        scenario,
+        folder,
+        composed,
+        rate,
+        duration,
+        domain,
+        f"/{axis.name}",
+        drivers,
+        own_recorder=not one_of_many,
+        neighbour=neighbour,
+        priority=priority,
     )
 
 

@@ -18,7 +18,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.hardware.choose import Drivers, as_parameters
 from pzt_ros.quantities import parameters_of
 from pzt_ros.ros_environment import ros_environment
-from pzt_ros.scenario import RATES, Scenario, Timing
+from pzt_ros.scenario import RATES, REAL_TIME, Scenario, Timing
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Plan:
         drivers: the instruments behind the amplifier and the sensor node.
         neighbour: namespace of the axis whose motion the simulated stage feels; empty for none.
         own_recorder: whether it records itself, or another process takes this axis into the bag of all.
+        priority: whether the loop asks for a real-time priority while it keeps the pace of the wall clock.
     """
 
     scenario: Scenario
@@ -48,6 +49,7 @@ class Plan:
     drivers: Drivers = field(default_factory=Drivers)
     own_recorder: bool = True
     neighbour: str = ""
+    priority: bool = True
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -161,6 +163,10 @@ def _version(package: str) -> str:
         return "unknown"
 
 
-def environment(plan: Plan) -> dict[str, str]:
-    """What every process of the graph finds in its environment; the user's own settings win."""
-    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), "PZT_STATUS": "1"}
+def environment(plan: Plan, in_loop: bool = False) -> dict[str, str]:
+    """What a process of the graph finds in its environment; the user's own settings win.
+
+    The recorder is not in the loop: it may come later.
+    """
+    hurried = {"PZT_PRIORITY": "1"} if in_loop and plan.priority and plan.rate == REAL_TIME else {}
+    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), "PZT_STATUS": "1", **hurried}

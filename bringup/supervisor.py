@@ -79,9 +79,9 @@ class Supervisor:
 
     def start(self) -> None:
         """Start every process of the plan."""
-        env = environment(self.plan)
         arguments = ["--ros-args", "--params-file", str(self.plan.parameter_file), "-r", f"__ns:={self.plan.namespace}"]
         for row in self.plan.processes:
+            env = environment(self.plan, in_loop=row.nodes != ("recorder",))
             self._children[row.name] = Child(row, arguments, env, self.plan.log(row.name))
 
     def status(self) -> dict[str, dict[str, Any]]:

@@ -9,7 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pzt_config.qos import QOS
 from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
+from pzt_nodes.handover import HandingClient, HandingPublisher, Handover
 from pzt_nodes.messages import TYPES, block_of, diagnostics, status_of
 from pzt_nodes.parameters import declare_all, declare_text
+from pzt_nodes.priority import priority
+from pzt_nodes.turns import Turns
 from pzt_ros.blocks import Block, BlockError
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.physics.chain import Chain
@@ -42,6 +45,11 @@ class GraphNode(Node):
 
     Children call `publish` and `listen`, say how they are with `health`, and keep their work in one library object.
     """
+
+    turns: ClassVar[Turns] = Turns()
+    """Of the executor of this process."""
+    handover: ClassVar[Handover | None] = None
+    """Between the nodes of a process that has several."""
 
     def __init__(self, name: str, *, needs_timing: bool = True) -> None:
         super().__init__(name, namespace="/stage")  # remap __ns for another axis
@@ -77,7 +85,7 @@ class GraphNode(Node):
         """
         return super().create_timer(period, callback, clock=self._steady)
 
-    # -- topics
+    # -- topics and services
 
     def qos(self, topic: Topic) -> QoSProfile:
         """The QoS of a topic as the table has it."""
@@ -92,7 +100,26 @@ class GraphNode(Node):
         )
 
     def _publisher(self, topic: Topic) -> Any:
-        return self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic, QOS[topic.qos].sender_depth))
+        publisher = self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic, QOS[topic.qos].sender_depth))
+        return HandingPublisher(publisher, self.handover) if self.handover else publisher
+
+    def hear(self, topic: Topic, callback: Callable[[Any], None], *, raw: bool) -> None:
+        """Call `callback` with every message on a topic, as bytes where it is `raw`."""
+        heard = self.create_subscription(TYPES[topic.type], topic.name, callback, self._qos(topic), raw=raw)
+        if self.handover:
+            self.handover.listen(heard.topic_name, callback)
+
+    def create_service(self, kind: Any, name: str, callback: Callable[[Any, Any], Any], **options: Any) -> Any:
+        """As rclpy has it; offered to the nodes of this process, too."""
+        service = super().create_service(kind, name, callback, **options)
+        if self.handover:
+            self.handover.offer(self.resolve_service_name(name), kind, callback)
+        return service
+
+    def create_client(self, kind: Any, name: str, **options: Any) -> Any:
+        """As rclpy has it; a node of this process is asked without DDS."""
+        client = super().create_client(kind, name, **options)
+        return HandingClient(client, self.resolve_service_name(name), self.handover) if self.handover else client
 
     def listen(self, name: str, callback: Callable[[Block], None]) -> None:
         """Call `callback` with every block on a topic; what is no block as the table has it is counted and dropped."""
@@ -106,7 +133,7 @@ class GraphNode(Node):
                 return
             callback(block)
 
-        self.create_subscription(TYPES[topic.type], name, receive, self._qos(topic), raw=True)
+        self.hear(topic, receive, raw=True)
 
     def listen_to_health(self, callback: Callable[[str, str, str, dict[str, str]], None]) -> None:
         """Call `callback` with what each node of this axis says of itself: role, level, one line, values."""
@@ -118,8 +145,7 @@ class GraphNode(Node):
                 if namespace == here:
                     callback(role, level, text, values)
 
-        topic = TOPICS["/diagnostics"]
-        self.create_subscription(TYPES[topic.type], topic.name, receive, self._qos(topic))
+        self.hear(TOPICS["/diagnostics"], receive, raw=False)
 
     def name_on(self, axis: str, topic: Topic) -> str:
         """A topic's full name on an axis."""
@@ -147,7 +173,7 @@ class GraphNode(Node):
         """Publish on a decimated topic, unless its last message is younger than 1/50 s of the run's own time."""
         if time_s - self._plotted.get(name, -1.0) >= 1.0 / PLOT_RATE - 1e-9:
             self._plotted[name] = time_s
-            self._publishers_by_topic[name].publish(make())
+            self.turns.take(lambda: self._publishers_by_topic[name].publish(make()))  # no tick waits for it
 
     def tick_of(self, block: Block) -> int:
         """The number of a block, counted from the start of the run."""
@@ -204,6 +230,7 @@ class GraphNode(Node):
         values = {"ticks": ticks, "ticks_per_second": round(rate, 1), **values, **self.counts}
         values["ready"] = self._was_ready
         values["nodes"] = ",".join(self.peers)
+        values["priority"] = priority()
         values["cpu_s"] = round(time.process_time(), 3)
         now_said = self.get_clock().now().to_msg()
         for axis in self.axes:

@@ -7,7 +7,7 @@ from std_srvs.srv import Trigger
 from pzt_config.topics import TOPICS
 from pzt_nodes.gate import Gate
 from pzt_nodes.graph_node import GraphNode
-from pzt_nodes.messages import TYPES, trajectory
+from pzt_nodes.messages import trajectory
 from pzt_ros.errors import BenchError
 from pzt_ros.experiments.experiment import Experiment
 from pzt_ros.manual import ManualConductor
@@ -27,7 +27,7 @@ class OperatorDesk:
         self._gate = gate
         self._followed = 0
         topic = TOPICS[TRAJECTORY]
-        node.create_subscription(TYPES[topic.type], topic.name, self._on_trajectory, node.qos(topic), raw=True)
+        node.hear(topic, self._on_trajectory, raw=True)
         node.create_service(Trigger, "pole", self._on_pole)
 
     def _enabled(self) -> ManualConductor:

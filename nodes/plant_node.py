@@ -53,7 +53,14 @@ class PlantNode(GraphNode):
         neighbour = self._neighbour.along(len(block)) if self._neighbour else ABSENT
         truth = self.stage.step(block.time, block["voltage_V"], neighbour)
         if self._pace is not None and self._enabled:
-            self._pace.wait_for(float(block.time[-1]) + 1.0 / self.sample_rate)
+            # in a turn of its own: what else is due now is done while there is time, and not in the middle of a tick
+            self.turns.take(lambda: self._say_in_time(truth, float(block.time[-1]) + 1.0 / self.sample_rate))
+        else:
+            self._say(truth)
+
+    def _say_in_time(self, truth: Truth, due: float) -> None:
+        assert self._pace is not None
+        self._pace.wait_for(due)
         self._say(truth)
 
     def _on_health(self, role: str, _level: str, _text: str, values: dict[str, str]) -> None:

@@ -23,11 +23,13 @@ from rclpy.task import Future
 from rclpy.utilities import get_default_context
 
 from pzt_nodes.clock_guard import ClockGuard
+from pzt_nodes.priority import take_priority
 from pzt_ros.errors import BenchError
 from pzt_ros.ros_environment import orphaned
 
 if TYPE_CHECKING:
     from pzt_nodes.graph_node import GraphNode
+    from pzt_nodes.turns import Turns
 
 SPIN_DEADLINE = 0.1
 """Signals are looked at this often [s]."""
@@ -47,6 +49,7 @@ def run(makes: Sequence[Callable[[], GraphNode]]) -> int:
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda number, _frame: asked.append(number))
     nodes: list[GraphNode] = []
+    take_priority()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for make in makes:
@@ -72,8 +75,9 @@ def _spin(nodes: list[GraphNode], asked: list[int]) -> int:
     # What exists now stays; without this every full collection walks the imported libraries, and a tick waits for it.
     gc.collect()
     gc.freeze()
-    with ClockGuard(executor, nodes), Bell() as bell:
-        return _spin_to_the_end(executor, bell, nodes, asked)
+    turns = nodes[0].turns
+    with turns.of(executor), ClockGuard(executor, nodes), Bell() as bell:
+        return _spin_to_the_end(executor, bell, turns, nodes, asked)
 
 
 class Bell:
@@ -106,10 +110,12 @@ class Bell:
             self._turn.set_result(None)
 
 
-def _spin_to_the_end(executor: Any, bell: Bell, nodes: list[GraphNode], asked: list[int]) -> int:
+def _spin_to_the_end(executor: Any, bell: Bell, turns: Turns, nodes: list[GraphNode], asked: list[int]) -> int:
     stopping: float | None = None
     while True:
         executor.spin_until_future_complete(bell.next_turn(), timeout_sec=SPIN_DEADLINE)
+        if turns.failure is not None:
+            raise turns.failure
         if stopping is None and (asked or orphaned() or any(node.exit_code is not None for node in nodes)):
             stopping = time.monotonic()
             for node in nodes:

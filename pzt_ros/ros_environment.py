@@ -13,6 +13,11 @@ _CHOICES = (_PROFILES, "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPO
 """Who has set one of these has thought about transports, and gets what he set; our profile for other tools is no such
 thing."""
 
+_APART = (
+    "<propertiesPolicy><properties><property><name>fastdds.ignore_local_endpoints</name><value>true</value>"
+    "</property></properties></propertiesPolicy>"
+)
+
 
 def ros_environment(log_folder: Path, domain: int | None = None) -> dict[str, str]:
     """This process' environment with our defaults where the user has set nothing (docs/decisions/0003).
@@ -42,6 +47,26 @@ def _transport(given: Mapping[str, str]) -> dict[str, str]:
         return {**given, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", _PROFILES: ours}
     said = {_RANGE: "SYSTEM_DEFAULT", _PROFILES: _profile("fastdds_loopback.xml")}
     return {name: text for name, text in {**given, **said}.items() if name != "ROS_LOCALHOST_ONLY"}
+
+
+def keep_apart() -> bool:
+    """Have Fast DDS connect nothing within this process; say so before its first node is made.
+
+    Its own name for it is `ignore_local_endpoints`. What goes to other processes is then sent by a thread of its own,
+    and no node here waits for it. False where it is not ours to say: a profile of the user's, or another DDS, stays as
+    it is.
+    """
+    profile, logs = os.environ.get(_PROFILES, ""), os.environ.get("ROS_LOG_DIR", "")
+    ours = profile in [_profile(name) for name in ("fastdds.xml", "fastdds_loopback.xml")]
+    if not ours or not logs or os.environ.get("RMW_IMPLEMENTATION") != "rmw_fastrtps_cpp":
+        return False
+    text = Path(profile).read_text(encoding="utf-8")
+    changed = Path(logs, "fastdds_apart.xml")
+    changed.parent.mkdir(parents=True, exist_ok=True)
+    changed.write_text(text.replace("<rtps>", "<rtps>" + _APART, 1), encoding="utf-8")
+    os.environ[_PROFILES] = str(changed)
+    os.environ.setdefault("RMW_FASTRTPS_PUBLICATION_MODE", "ASYNCHRONOUS")
+    return True
 
 
 def _profile(name: str) -> str:

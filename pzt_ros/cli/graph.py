@@ -47,6 +47,9 @@ def run(
     duration: Annotated[float | None, typer.Option(help="end the scenario after this many seconds of its own")] = None,
     composed: Annotated[bool, typer.Option(help="the loop in one process, the recorder in another")] = False,
     real_time: Annotated[bool, typer.Option(help="keep the pace of the wall clock")] = False,
+    priority: Annotated[
+        bool, typer.Option(help="with --real-time: real-time priority for the loop, where the system allows it")
+    ] = True,
     domain: Annotated[int | None, typer.Option(help="ROS domain; a free one by default")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of the axis")] = "/stage",
     drivers: Annotated[Path | None, typer.Option(help="YAML file of instruments; simulated ones by default")] = None,
@@ -77,7 +80,7 @@ def run(
         compile_once(one, lambda text: typer.echo(text, err=True))
         refuse_what_cannot_be(one)
     options = {"--duration": duration, "--domain": domain, "--namespace": namespace, "--drivers": drivers}
-    flags = {"--composed": composed, "--real-time": real_time}
+    flags = {"--composed": composed, "--real-time": real_time, "--no-priority": not priority}
     run_and_report(scenario, run_folder(out, scenario, overwrite), options, flags, as_json)
 
 
