@@ -50,14 +50,15 @@ def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, wor
 def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     """The first that explains all, or the one with the least misfit.
 
-    Where the declared density comes near the noise and leaves hardly more than another, its few unknowns speak for it.
+    Where the declared density comes near the noise and leaves hardly more than another, its few unknowns speak for it;
+    against one that explains all, they do so only together with an effect.
     """
     explaining = [branch for branch in branches if branch.explains(asked)]
-    if explaining:
-        return explaining[0]
-    best, declared = min(branches, key=lambda branch: branch.final.total), branches[0]
+    declared, best = branches[0], min(explaining[:1] or branches, key=lambda branch: branch.final.total)
+    speaks = not explaining or any(step.accepted for step in declared.steps)
     is_near = max(declared.final.ratios) < asked.near_floor
-    return declared if is_near and declared.final.total <= asked.plainer * best.final.total else best
+    hardly_more = declared.final.total <= asked.plainer * best.final.total
+    return declared if speaks and is_near and hardly_more else best
 
 
 def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:

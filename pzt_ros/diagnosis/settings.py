@@ -89,7 +89,7 @@ class Thresholds:
     trial_promise: float = 0.5
     outdone: float = 0.25
     rateless: float = 3.0
-    plainer: float = 1.03
+    plainer: float = 1.05
     tie: float = 0.93
     alike_tie: float = 0.9
     flexible_alike: float = 0.75
