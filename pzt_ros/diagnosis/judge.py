@@ -42,14 +42,16 @@ class Judge:
         """Whether what is missing looks like two effects, neither of which is enough alone.
 
         So it does where two make it up between them, and where one is all that is missing where it was fitted, or where
-        not: so much is not missing by chance, and another effect hides in the others.
+        not: so much is not missing by chance, and another effect hides in the others. One that was added may stand for
+        two others that make up more.
         """
-        last, asked = steps[-1], self.thresholds
-        if last.accepted or last.before.effects:
-            return False
-        sound = [c for c in last.candidates if self.is_significant(c) and c.share > asked.half_share]
+        first, asked = steps[0], self.thresholds
+        if first.accepted:
+            others = [c for c in first.candidates if c.name not in first.after.effects]
+            return first.accepted[-1].share < asked.pair_share and bool(self.complementary(others))
+        sound = [c for c in first.candidates if self.is_significant(c) and c.share > asked.half_share]
         most = max((max(c.fit_share, c.selection_share) for c in sound), default=0.0)
-        return most > asked.whole or bool(self.complementary(last.candidates))
+        return most > asked.whole or bool(self.complementary(first.candidates))
 
     def complementary(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Those that make up what two effects have to explain together with another that is not easily taken for them.
