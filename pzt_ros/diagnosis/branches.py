@@ -77,7 +77,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [Branch("gaussian", declared, ()), *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
-    if not search.explains(steps, declared) and search.is_half_told(steps):  # minutes sooner than by way of every other base
+    if not search.explains(steps, declared) and search.is_half_told(steps):
+        # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
         steps = paired if search.explains(paired, declared) else steps
