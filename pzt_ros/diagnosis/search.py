@@ -139,7 +139,7 @@ class Search(Judge):
 
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""
-        further = self.thresholds.further_promise if before.effects else 0.0
+        further = self._further_promise(before) if before.effects else 0.0
         most = min(before.total - further * before.excess, before.total_at(self.thresholds.hopeless))
         candidates, refused = self._candidates(before, before, most)
         if not before.effects:
@@ -161,6 +161,10 @@ class Search(Judge):
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict)
+
+    def _further_promise(self, before: Hypothesis) -> float:
+        asked = self.thresholds
+        return asked.further_promise if before.fit.ratio <= asked.in_sight else asked.far_promise
 
     def _is_the_base(self, winner: Candidate) -> bool:
         """Whether what a winner explains beside an unknown past is no more than the base does, fitted from there."""

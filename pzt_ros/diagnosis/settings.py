@@ -17,7 +17,8 @@ class Thresholds:
         size: smallest rms that is looked for in a fitted run, in units of the noise.
         selection_size: the same on what chooses, which may show less of an effect: there it need only be there.
         promise: fall of the mean square, in units of the noise, that the screen has to promise before a refit.
-        further_promise: share of the excess that the screen has to promise of a second or further effect.
+        further_promise, far_promise: share of the excess that the screen has to promise of a second or further effect,
+            beside those that leave less than `in_sight`, and more.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
         half_share: that one of two effects has to explain alone.
         pair_share: that two effects have to explain together where neither explains `share` alone; and one beside
@@ -37,7 +38,8 @@ class Thresholds:
         unpolished, polishable: rms over noise of a run from which, and of what was fitted up to which, the best refit
             is taken on for as long as it comes down. (From 1.05 on, a wrong strain law was named a sensor's curve.)
         reachable: the same up to which further effects are looked for beside one that was found.
-        trial_promise: as `further_promise` until another base was tried.
+        trial_promise: as `far_promise` until another base was tried.
+        in_sight: rms over noise up to which effects leave so little that the base is taken for right.
         outdone: share of the excess that another base may leave at most for the search on this one to end.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred near the noise.
@@ -68,6 +70,7 @@ class Thresholds:
     selection_size: float = 0.05
     promise: float = 0.003
     further_promise: float = 0.1
+    far_promise: float = 0.1
     share: float = 0.5
     half_share: float = 0.2
     pair_share: float = 0.8
@@ -87,6 +90,7 @@ class Thresholds:
     polishable: float = 1.5
     reachable: float = 12.0
     trial_promise: float = 0.5
+    in_sight: float = 3.0
     outdone: float = 0.25
     rateless: float = 3.0
     plainer: float = 1.05
@@ -107,7 +111,7 @@ class Thresholds:
 
     def on_trial(self) -> Thresholds:
         """What is asked on the declared base before the flexible one was tried."""
-        return replace(self, further_promise=self.trial_promise)
+        return replace(self, far_promise=self.trial_promise)
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""

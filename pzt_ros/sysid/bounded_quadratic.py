@@ -23,6 +23,7 @@ _GAP, _UNBALANCED = 1e-13, 1e-10  # of cost and of gradient: what is left when i
 _NOTHING = 1e-20  # of the first gap, where the least cost is 0
 _SHORT_OF_BOUNDS = 0.995
 _INTO = np.array([[1.0], [-1.0]])  # from the low and from the high bound into the box
+_LEAST_SLACK = 1e-100  # a force over less than that is no number any more
 _INWARDS = 0.25  # share of a coordinate's range from which it starts, at least
 
 
@@ -78,6 +79,7 @@ def _interior(gram: Array, gradient: Array, bounds: Array) -> tuple[Array, Array
     inwards = np.minimum(_INWARDS * (bounds[1] - bounds[0]), scale)
     step = np.clip(np.zeros(gradient.size), bounds[0] + inwards, bounds[1] - inwards)
     slack, force = np.where(there, _INTO * (step - bounds), 1.0), np.where(there, scale, 0.0)
+    slack = np.maximum(slack, _LEAST_SLACK)
     nothing = _NOTHING * float(np.sum(slack * force))
     for _ in range(_ROUNDS):
         unbalanced = gram @ step + gradient - np.sum(_INTO * force, axis=0)
@@ -93,6 +95,7 @@ def _interior(gram: Array, gradient: Array, bounds: Array) -> tuple[Array, Array
         ways = _towards(factor, product, slack, force, unbalanced)
         share = _SHORT_OF_BOUNDS * _possible(slack, force, *ways[:2])
         slack, force, step = (value + share * way for value, way in zip((slack, force, step), ways, strict=True))
+        slack = np.maximum(slack, _LEAST_SLACK)
     presses = there & (force > np.diag(gram) * slack) & (force >= force[::-1])
     return step, 1 * presses[1] - 1 * presses[0]
 

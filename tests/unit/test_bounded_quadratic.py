@@ -76,3 +76,12 @@ def test_bounds_of_every_size(seed: int) -> None:
     assert np.all((low <= found) & (found <= high))
     assert np.all((force >= -small) | (found == high))
     assert np.all((force <= small) | (found == low))
+
+
+@pytest.mark.parametrize("room", [1e-310, 1e-200, 1e-30])
+def test_next_to_no_room_is_none(room: float) -> None:
+    """A coordinate a rounding away from its bound: a force over so little slack overflowed on a measured run."""
+    gram = np.array([[1.0, 0.5], [0.5, 1.0]])
+    found = bounded_minimum(gram, np.array([-1.0, -1.0]), np.array([-room, -1.0]), np.array([room, 1.0]))
+    assert found[0] == pytest.approx(room)
+    assert found[1] == pytest.approx(1.0 - 0.5 * room)
