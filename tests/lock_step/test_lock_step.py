@@ -70,8 +70,11 @@ def test_graph_and_in_process_loop_agree(scenario: Path, separate: Streams) -> N
     assert_equal_to_the_bit(separate, run_library(scenario))
 
 
-def test_composed_graph_agrees(scenario: Path, separate: Streams) -> None:
-    assert_equal_to_the_bit(separate, run_graph(scenario, scenario.parent / "composed", "--composed"))
+def test_composed_graph_agrees_without_dds_inside(scenario: Path, separate: Streams) -> None:
+    folder = scenario.parent / "composed"
+    assert_equal_to_the_bit(separate, run_graph(scenario, folder, "--composed"))
+    assert list(folder.rglob("fastdds_apart.xml")), "else its nodes would hear everything twice, or by DDS"
+    assert not list((scenario.parent / "separate").rglob("fastdds_apart.xml"))
 
 
 def test_second_run_agrees(scenario: Path, separate: Streams) -> None:
