@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from pzt_ros.diagnosis.base import to_the_bottom
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.candidates import Step, share_of
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
@@ -77,6 +78,10 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [Branch("gaussian", declared, ()), *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
+    if any(step.accepted for step in steps):
+        bottom = to_the_bottom(declared)
+        if bottom is not declared:  # what it had not come down by may be all that was explained
+            return _searched(bottom, asked, progress, workers)
     if not search.explains(steps, declared) and search.is_half_told(steps):
         # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())

@@ -9,13 +9,17 @@ import pytest
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import declared
-from pzt_ros.diagnosis.base import _within_sight
+from pzt_ros.diagnosis.base import _within_sight, to_the_bottom
 from pzt_ros.diagnosis.coordinates import coordinate
-from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.data import FIT, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis, _Exact
+from pzt_ros.diagnosis.hypothesis import fitted
+from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.surrogate import surrogate_of
 from pzt_ros.records import Record
+from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.run import Start
 
 
@@ -146,3 +150,40 @@ def test_thermal_width_stays_within_what_the_runs_can_tell() -> None:
     assert each.upper < coordinate(link, "domain_volume").upper
     kept = coordinate(link, "coercive_field")
     assert _within_sight(link, kept, [RunData(record, {}, 1e-9)]) == kept
+
+
+class Astray(DeclaredHysteresis):
+    """Moved in place of the model is one whose slopes with the coercive field are none, as at a cliff."""
+
+    def _differentiated(self, vector: Array, number: int, voltage: Array, here: Array) -> Array:
+        columns = super()._differentiated(vector, number, voltage, here)
+        columns[:, 0] *= -3.0
+        return columns
+
+
+@pytest.mark.parametrize(("off", "comes_down"), [(0.0006, True), (0.002, False)])
+def test_a_base_near_the_noise_is_taken_on_with_slopes_of_the_model_itself(off: float, comes_down: bool) -> None:
+    """A court case: a null stayed 1 % above the noise, and a strain hysteresis that left that base was named.
+
+    A base that is farther off is left to the search.
+    """
+    chain = load_chain("p802").with_links(lambda link: lattice() if isinstance(link, Lattice) else link)
+    link = next(link for link in chain.links if isinstance(link, Lattice))
+    time = np.arange(0.0, 2.0, 2e-3)
+    voltage = 60.0 - 60.0 * np.cos(2.0 * np.pi * time)
+    record = Record("loop", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
+    free = [coordinate(link, "coercive_field"), coordinate(link, "relaxation_time")]
+    ceramic = Astray(link, surrogate_of(link), free, [record], [Start()])
+    runs = [RunData(record, {FIT: np.arange(time.size)}, 1e-9)]
+    (told, _), *_ = Staged(without_noise(chain), ceramic, runs, ()).outputs(ceramic.start, [0])
+    noise = 1e-3 * float(np.ptp(told))
+    measured = told + noise * np.random.default_rng(1).standard_normal(time.size)
+    runs = [RunData(Record("loop", {**record.columns, "displacement_m": measured}), {FIT: np.arange(time.size)}, noise)]
+    staged = Staged(without_noise(chain), ceramic, runs, ())
+    stuck = np.array([off, 2.0 * off])
+    found = fitted(staged.exact_at(stuck), stuck, most_steps=0)
+    bottom = to_the_bottom(found)
+    assert (bottom is not found) is comes_down
+    if comes_down:
+        assert bottom.fit.ratio < 1.001 * fitted(staged.exact_at(ceramic.start), ceramic.start, most_steps=0).fit.ratio
+        assert bottom.fit.ratio < 0.995 * found.fit.ratio
