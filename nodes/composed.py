@@ -14,7 +14,7 @@ from pzt_nodes.amplifier_node import AmplifierNode
 from pzt_nodes.controller_node import ControllerNode
 from pzt_nodes.experiment_node import ExperimentNode
 from pzt_nodes.graph_node import GraphNode
-from pzt_nodes.handover import Handover
+from pzt_nodes.intra_process import IntraProcess
 from pzt_nodes.observer_node import ObserverNode
 from pzt_nodes.plant_node import PlantNode
 from pzt_nodes.recorder_node import RecorderNode
@@ -39,7 +39,7 @@ def main() -> None:
     wanted = list(takewhile(lambda word: word != "--ros-args", sys.argv[1:])) or list(NODES)
     # the recorder reads from DDS when each message was sent and when it came
     if "recorder" not in wanted and keep_apart():
-        GraphNode.handover = Handover(GraphNode.turns)
+        GraphNode.intra_process = IntraProcess(GraphNode.turns)
     sys.exit(run([partial(_make, name) for name in wanted]))
 
 

@@ -38,9 +38,9 @@ class Ears:
             )
             for name in names
         }
-        if owner.handover:
+        if owner.intra_process:
             for name, subscription in self._subscriptions.items():
-                owner.handover.listen(subscription.topic_name, self._handed[name].append)
+                owner.intra_process.listen(subscription.topic_name, self._handed[name].append)
 
     def take(self) -> Iterator[tuple[str, Block]]:
         """What has arrived since the last time, topic by topic; what is no block of the table is passed over."""

@@ -20,7 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pzt_config.qos import QOS
 from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
-from pzt_nodes.handover import HandingClient, HandingPublisher, Handover
+from pzt_nodes.intra_process import IntraProcess, IntraProcessClient, IntraProcessPublisher
 from pzt_nodes.messages import TYPES, block_of, diagnostics, status_of
 from pzt_nodes.parameters import declare_all, declare_text
 from pzt_nodes.priority import priority
@@ -48,7 +48,7 @@ class GraphNode(Node):
 
     turns: ClassVar[Turns] = Turns()
     """Of the executor of this process."""
-    handover: ClassVar[Handover | None] = None
+    intra_process: ClassVar[IntraProcess | None] = None
     """Between the nodes of a process that has several."""
 
     def __init__(self, name: str, *, needs_timing: bool = True) -> None:
@@ -101,25 +101,29 @@ class GraphNode(Node):
 
     def _publisher(self, topic: Topic) -> Any:
         publisher = self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic, QOS[topic.qos].sender_depth))
-        return HandingPublisher(publisher, self.handover) if self.handover else publisher
+        return IntraProcessPublisher(publisher, self.intra_process) if self.intra_process else publisher
 
     def hear(self, topic: Topic, callback: Callable[[Any], None], *, raw: bool) -> None:
         """Call `callback` with every message on a topic, as bytes where it is `raw`."""
         heard = self.create_subscription(TYPES[topic.type], topic.name, callback, self._qos(topic), raw=raw)
-        if self.handover:
-            self.handover.listen(heard.topic_name, callback)
+        if self.intra_process:
+            self.intra_process.listen(heard.topic_name, callback)
 
     def create_service(self, kind: Any, name: str, callback: Callable[[Any, Any], Any], **options: Any) -> Any:
         """As rclpy has it; offered to the nodes of this process, too."""
         service = super().create_service(kind, name, callback, **options)
-        if self.handover:
-            self.handover.offer(self.resolve_service_name(name), kind, callback)
+        if self.intra_process:
+            self.intra_process.offer(self.resolve_service_name(name), kind, callback)
         return service
 
     def create_client(self, kind: Any, name: str, **options: Any) -> Any:
         """As rclpy has it; a node of this process is asked without DDS."""
         client = super().create_client(kind, name, **options)
-        return HandingClient(client, self.resolve_service_name(name), self.handover) if self.handover else client
+        return (
+            IntraProcessClient(client, self.resolve_service_name(name), self.intra_process)
+            if self.intra_process
+            else client
+        )
 
     def listen(self, name: str, callback: Callable[[Block], None]) -> None:
         """Call `callback` with every block on a topic; what is no block as the table has it is counted and dropped."""

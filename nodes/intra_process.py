@@ -20,7 +20,7 @@ AT_ONCE = 64
 Deliver = Callable[[Any], None]
 
 
-class Handover:
+class IntraProcess:
     """What is said on a topic is given to its readers here, in order, in turns of the executor.
 
     A topic or a service is known by its full name. Readers are served in the order of listening.
@@ -77,42 +77,42 @@ class Handover:
         self._ask_for_turn()
 
 
-class HandingPublisher:
-    """A publisher whose messages reach the readers here by handover, and all others by DDS."""
+class IntraProcessPublisher:
+    """A publisher whose messages reach the readers here directly, and all others by DDS."""
 
-    def __init__(self, publisher: Any, handover: Handover) -> None:
+    def __init__(self, publisher: Any, here: IntraProcess) -> None:
         self._publisher = publisher
-        self._handover = handover
+        self._here = here
         self._topic = publisher.topic_name
 
     def publish(self, message: Any) -> None:
         """Say it."""
-        self._handover.say(self._topic, message)
+        self._here.say(self._topic, message)
         self._publisher.publish(message)
 
     def get_subscription_count(self) -> int:
         """Readers here and elsewhere."""
-        return int(self._publisher.get_subscription_count()) + self._handover.readers(self._topic)
+        return int(self._publisher.get_subscription_count()) + self._here.readers(self._topic)
 
     def wait_for_all_acked(self, timeout: Any) -> bool:
         """Whether all others have all that was said."""
         return bool(self._publisher.wait_for_all_acked(timeout))
 
 
-class HandingClient:
+class IntraProcessClient:
     """A client that asks here where the service is offered here, and elsewhere otherwise."""
 
-    def __init__(self, client: Any, service: str, handover: Handover) -> None:
+    def __init__(self, client: Any, service: str, here: IntraProcess) -> None:
         self._client = client
         self._service = service
-        self._handover = handover
+        self._here = here
 
     def service_is_ready(self) -> bool:
         """Whether a request would be heard."""
-        return self._handover.offers(self._service) or bool(self._client.service_is_ready())
+        return self._here.offers(self._service) or bool(self._client.service_is_ready())
 
     def call_async(self, request: Any) -> Future:
         """Make a request."""
-        if self._handover.offers(self._service):
-            return self._handover.ask(self._service, request)
+        if self._here.offers(self._service):
+            return self._here.ask(self._service, request)
         return self._client.call_async(request)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pzt_nodes.handover import AT_ONCE, HandingClient, HandingPublisher, Handover
+from pzt_nodes.intra_process import AT_ONCE, IntraProcess, IntraProcessClient, IntraProcessPublisher
 from pzt_nodes.turns import Turns
 from pzt_ros.ros_environment import keep_apart, ros_environment
 
@@ -70,33 +70,33 @@ def executor() -> Executor:
 
 
 @pytest.fixture
-def handover(executor: Executor) -> Iterator[Handover]:
+def intra_process(executor: Executor) -> Iterator[IntraProcess]:
     turns = Turns()
     with turns.of(executor):
-        yield Handover(turns)
+        yield IntraProcess(turns)
 
 
-def test_all_who_listen_here_hear_everything_in_order(executor: Executor, handover: Handover) -> None:
+def test_all_who_listen_here_hear_everything_in_order(executor: Executor, intra_process: IntraProcess) -> None:
     heard: list[tuple[str, int]] = []
     for name in ("plant", "observer"):
-        handover.listen("/stage/applied", lambda message, name=name: heard.append((name, message)))
-    handover.listen("/b/applied", lambda message: heard.append(("another axis", message)))
+        intra_process.listen("/stage/applied", lambda message, name=name: heard.append((name, message)))
+    intra_process.listen("/b/applied", lambda message: heard.append(("another axis", message)))
     for number in range(3):
-        handover.say("/stage/applied", number)
+        intra_process.say("/stage/applied", number)
     assert heard == [], "nothing is delivered while the one who says it is still at work"
     executor.spin()
     assert heard == [(name, number) for number in range(3) for name in ("plant", "observer")]
 
 
-def test_a_ring_that_never_rests_leaves_turns_to_others(executor: Executor, handover: Handover) -> None:
+def test_a_ring_that_never_rests_leaves_turns_to_others(executor: Executor, intra_process: IntraProcess) -> None:
     rounds: list[int] = []
 
     def pass_on(number: int) -> None:
         rounds.append(number)
-        handover.say("/ring", number + 1)
+        intra_process.say("/ring", number + 1)
 
-    handover.listen("/ring", pass_on)
-    handover.say("/ring", 0)
+    intra_process.listen("/ring", pass_on)
+    intra_process.say("/ring", 0)
     executor.turn()
     assert len(rounds) == AT_ONCE
     assert len(executor.tasks) == 1, "it goes on when the others had their turn"
@@ -106,9 +106,9 @@ def test_a_ring_that_never_rests_leaves_turns_to_others(executor: Executor, hand
 
 def test_what_is_said_before_the_executor_is_there_is_not_lost() -> None:
     turns, executor, heard = Turns(), Executor(), []
-    handover = Handover(turns)
-    handover.listen("/a", heard.append)
-    handover.say("/a", 1)
+    intra_process = IntraProcess(turns)
+    intra_process.listen("/a", heard.append)
+    intra_process.say("/a", 1)
     with turns.of(executor):
         executor.spin()
     assert heard == [1]
@@ -121,39 +121,39 @@ def test_a_failure_stops_the_deliveries_and_is_kept_for_the_spinner(executor: Ex
     def fail(_message: Any) -> None:
         raise ValueError("broken callback")
 
-    handover = Handover(turns)
-    handover.listen("/a", fail)
-    handover.listen("/a", done.append)
+    intra_process = IntraProcess(turns)
+    intra_process.listen("/a", fail)
+    intra_process.listen("/a", done.append)
     with turns.of(executor):
-        handover.say("/a", 1)
+        intra_process.say("/a", 1)
         turns.take(lambda: done.append(2))
         executor.spin()
     assert isinstance(turns.failure, ValueError)
     assert done == []
 
 
-def test_a_publisher_reaches_both_and_counts_both(executor: Executor, handover: Handover) -> None:
+def test_a_publisher_reaches_both_and_counts_both(executor: Executor, intra_process: IntraProcess) -> None:
     heard: list[bytes] = []
     remote = Remote(readers=1)
-    publisher = HandingPublisher(remote, handover)
+    publisher = IntraProcessPublisher(remote, intra_process)
     assert publisher.get_subscription_count() == 1
-    handover.listen("/stage/truth", heard.append)
+    intra_process.listen("/stage/truth", heard.append)
     assert publisher.get_subscription_count() == 2
     publisher.publish(b"block")
     executor.spin()
     assert heard == remote.sent == [b"block"]
 
 
-def test_a_request_is_answered_here_or_asked_elsewhere(executor: Executor, handover: Handover) -> None:
+def test_a_request_is_answered_here_or_asked_elsewhere(executor: Executor, intra_process: IntraProcess) -> None:
     def answer(request: str, response: Any) -> Any:
         response.answer = f"yes to {request}"
         return response
 
-    client = HandingClient(Remote(), "/stage/enable", handover)
+    client = IntraProcessClient(Remote(), "/stage/enable", intra_process)
     assert not client.service_is_ready()
-    assert HandingClient(Remote(ready=True), "/stage/enable", handover).service_is_ready()
+    assert IntraProcessClient(Remote(ready=True), "/stage/enable", intra_process).service_is_ready()
     assert client.call_async("1") == "asked elsewhere: 1"
-    handover.offer("/stage/enable", Kind, answer)
+    intra_process.offer("/stage/enable", Kind, answer)
     assert client.service_is_ready()
     future, told = client.call_async("2"), []
     future.add_done_callback(lambda done: told.append(done.result().answer))
