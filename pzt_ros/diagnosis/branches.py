@@ -12,6 +12,7 @@ from pzt_ros.diagnosis.candidates import Step, share_of
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.kinetics import with_declared_kinetics
 from pzt_ros.diagnosis.refinement import taken_on
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -70,7 +71,13 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     """
     if declared.staged.has_past:  # what is left of a past must not be won by an effect
         declared = taken_on(declared, asked)
-    search = Search(asked, progress=progress, workers=workers, origins=lambda: _origins(declared))
+    search = Search(
+        asked,
+        progress=progress,
+        workers=workers,
+        origins=lambda: _origins(declared),
+        sooner=lambda: with_declared_kinetics(declared),
+    )
     others: list[Branch] = []
     is_far = declared.fit.ratio > asked.reachable  # elements that slip are tried sooner than effects there
     if is_far:

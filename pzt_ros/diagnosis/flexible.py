@@ -40,17 +40,25 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     """Fit the identified lattice and a strain law in place of the declared ceramic and its strain.
 
     How fine and smooth the density is, and of which order the law, the parts that choose say: between loops of one
-    amplitude any density and law will do.
+    amplitude any density and law will do. So they do whether a run from rest has a past: the declared model may have
+    made one up for what it lacks, and a start that is free hides what is missing as well as that.
 
     Args:
-        declared: the fitted declared model; what else is in its chain stays, and where it needs a history before a run,
-            that start is unknown.
+        declared: the fitted declared model; what else is in its chain stays.
         progress: is told what is being done.
     """
     progress("identifying the density")
     runs = declared.staged.runs
     starts = [declared.staged.ceramic.start_of(declared.vector, number) for number in range(len(runs))]
-    unknown = [bool(start.prior_voltages) or run.begins_driven for start, run in zip(starts, runs, strict=True)]
+    driven_before = [run.begins_driven for run in runs]
+    seen = [bool(start.prior_voltages) or known for start, known in zip(starts, driven_before, strict=True)]
+    tried = [_fit_lattice(declared, unknown) for unknown in ([seen, driven_before] if seen != driven_before else [seen])]
+    return min(tried, key=lambda found: found.total)
+
+
+def _fit_lattice(declared: Hypothesis, unknown: Sequence[bool]) -> Hypothesis:
+    """The identified lattice fitted with the starts of some runs unknown."""
+    runs = declared.staged.runs
     thickness, voltages, reached = driven(declared)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     found = fit.fit(*_parts(runs, voltages, unknown))

@@ -65,6 +65,9 @@ class Prospect:
     def best_start(self) -> Array:
         """Of a few vectors on the way to `start` the one of least cost: the prediction may lead too far.
 
+        A limit is there or not. Until the base has moved with it, it may cost more than none, and then a refit stays at
+        none; so it starts with all of it where that can be evaluated.
+
         Raises:
             BenchError: the model cannot be evaluated at any.
         """
@@ -72,6 +75,8 @@ class Prospect:
         costs = [cost_at(self.staged, vector, *self.staged.prior) for vector in tried]
         if not math.isfinite(min(costs)):
             raise BenchError(f"{self.effect.name}: the model cannot be evaluated where a refit would start")
+        if self.effect.limits and math.isfinite(costs[0]):
+            return tried[0]
         return tried[int(np.argmin(costs))]
 
 

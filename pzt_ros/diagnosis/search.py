@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import repeat
+from itertools import chain, repeat
 
 import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, share_of
 from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone, without
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
-from pzt_ros.diagnosis.identifiability import alike_by_design
+from pzt_ros.diagnosis.identifiability import Alike, alike_by_design
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
@@ -41,12 +41,14 @@ class Search(Judge):
         workers: refit the candidates.
         origins: the base in other places, each fitted when it is asked for. A base fitted without an effect bends to
             make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
+        sooner: those of them that are tried before the base itself, which went astray.
     """
 
     effects: Sequence[Effect] = EFFECTS
     progress: Callable[[str], None] = lambda text: None
     workers: Workers = IN_THIS_PROCESS
     origins: Callable[[], Iterable[Hypothesis]] = lambda: ()
+    sooner: Callable[[], Iterable[Hypothesis]] = lambda: ()
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -89,7 +91,7 @@ class Search(Judge):
         """A hypothesis where it is, and with its ceramic as in those origins where it can be evaluated."""
         yield found
         own = found.staged.ceramic.start.size
-        for origin in self.origins():
+        for origin in (*self.sooner(), *self.origins()):
             vector = np.concatenate((origin.vector[: origin.staged.ceramic.start.size], found.vector[own:]))
             with suppress(BenchError):
                 yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
@@ -141,9 +143,7 @@ class Search(Judge):
         """One round: screen, refit, judge."""
         further = self._further_promise(before) if before.effects else 0.0
         most = min(before.total - further * before.excess, before.total_at(self.thresholds.hopeless))
-        candidates, refused = self._candidates(before, before, most)
-        if not before.effects:
-            candidates = self._from_elsewhere(before, candidates)
+        candidates, refused = self._from_anywhere(before, most)
         candidates = polished(candidates, self.thresholds, self.workers)
         sound = [c for c in candidates if self.is_significant(c)]
         if not sound:
@@ -203,15 +203,36 @@ class Search(Judge):
         plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)
 
-    def _from_elsewhere(self, before: Hypothesis, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
-        """The best refits of each effect, from the other origins, too, while none comes down to the noise."""
-        origins = iter(() if self.at_floor(before) else self.origins())
-        while min((max(c.after.ratios) for c in candidates), default=math.inf) > self.thresholds.settled:
-            origin = next(origins, None)
-            if origin is None:
+    def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
+        """The best refits of each effect, and why the rest was not refitted.
+
+        A first effect is sought from the base and from the origins, until one comes down to the noise.
+        """
+        first = not before.effects and not self.at_floor(before)
+        sooner = list(self.sooner()) if first else []
+        places = chain(sooner, [before], self.origins() if first and not self._blind(before) else ())
+        candidates: tuple[Candidate, ...] = ()
+        refused: dict[str, str] = {}
+        for place in places:
+            found, refused = self._candidates(before, place, most)
+            candidates = best_of_each((*candidates, *found))
+            if self._is_settled(candidates) or (place in sooner and self._stands_alone(candidates)):
                 break
-            candidates = best_of_each((*candidates, *self._candidates(before, origin)[0]))
-        return candidates
+        names = {candidate.name for candidate in candidates}
+        return candidates, {name: why for name, why in refused.items() if name not in names}
+
+    @staticmethod
+    def _blind(found: Hypothesis) -> list[Alike]:
+        """What the runs cannot tell apart by their design, wherever it is sought."""
+        return alike_by_design([run.record for run in found.staged.runs])
+
+    def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
+        return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)
+
+    def _stands_alone(self, candidates: Sequence[Candidate]) -> bool:
+        """Whether one explains all that is left, and no other comes near."""
+        near = [c.cause for c in candidates if max(c.after.ratios) <= self.thresholds.near_floor]
+        return bool(candidates) and self.at_floor(candidates[0].after) and set(near) == {candidates[0].cause}
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
@@ -287,8 +308,8 @@ class Search(Judge):
         """The winner with those that are as good, and with what no fit to these runs could tell from it, if any."""
         alike = [other.name for other in others]
         known = {winner.cause, *(EFFECT_OF[name].reported for name in alike)}
-        groups = [each.effects for each in alike_by_design([run.record for run in winner.before.staged.runs])]
-        alike += sorted({name for group in groups if winner.cause in group for name in group} - known)
+        groups = [each.effects for each in self._blind(winner.before)]
+        alike += sorted({name for group in groups if known & group for name in group} - known)
         if winner.cause == SensorNonlinearity.kind and self._is_law_as_good(winner):
             alike.append(STRAIN_LAW)
         return (winner.name, *alike) if alike else ()

@@ -1,0 +1,36 @@
+"""A base whose relaxation time ran far from what was declared, fitted anew with that held.
+
+Relays that heat alone moves creep with the logarithm of time. So a base fitted without a relaxation or a drift may take
+to that in their place, at a relaxation time of ps, and no refit with the effect finds its way back from there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+
+_HELD = "relaxation_time"
+_FAR = 3.0  # of its logarithm
+_STEPS = 40
+
+
+def with_declared_kinetics(declared: Hypothesis) -> list[Hypothesis]:
+    """The declared model fitted with its relaxation time as declared; nothing where the fit left it near that."""
+    staged, ceramic = declared.staged, declared.staged.ceramic
+    if not isinstance(ceramic, DeclaredHysteresis):
+        return []
+    places = [k for k, each in enumerate(ceramic.coordinates) if each.field == _HELD and each.is_log]
+    if not any(abs(declared.vector[k] - ceramic.start[k]) > _FAR for k in places):
+        return []
+    kept = [each for k, each in enumerate(ceramic.coordinates) if k not in places]
+    fewer = DeclaredHysteresis(ceramic.model, ceramic.quick, kept, ceramic.records, ceramic.starts)
+    held = dataclasses.replace(staged, ceramic=fewer)
+    vector = exact(fitted(held, held.start, most_steps=_STEPS)).vector
+    for k in places:  # in order, so that each stands where it was
+        vector = np.insert(vector, k, ceramic.start[k])
+    as_it_was = dataclasses.replace(staged, ceramic=ceramic.with_starts(ceramic.starts))
+    return [fitted(as_it_was, vector, most_steps=0)]
