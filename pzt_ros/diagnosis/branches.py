@@ -68,6 +68,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
 
     Where one of those leaves far less without an effect than the declared one with its best, the declared density is
     wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
+    Where the runs are one loop, effects beside the declared density say no more than another density does.
     """
     if declared.staged.has_past:  # what is left of a past must not be won by an effect
         declared = taken_on(declared, asked)
@@ -78,6 +79,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         origins=lambda: _origins(declared),
         sooner=lambda: with_declared_kinetics(declared),
     )
+    if not search.at_floor(declared) and any(blind.takes_all for blind in search.blind(declared)):
+        return [Branch("gaussian", declared, ()), *_on_relays(declared, asked, progress, workers)]
     others: list[Branch] = []
     is_far = declared.fit.ratio > asked.reachable  # elements that slip are tried sooner than effects there
     if is_far:
@@ -85,10 +88,9 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [Branch("gaussian", declared, ()), *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
-    if any(step.accepted for step in steps):
-        bottom = to_the_bottom(declared)
-        if bottom is not declared:  # what it had not come down by may be all that was explained
-            return _searched(bottom, asked, progress, workers)
+    better = steps[0].base_instead or (to_the_bottom(declared) if any(step.accepted for step in steps) else declared)
+    if better is not declared:  # what it had not come down by may be all that was explained
+        return _searched(better, asked, progress, workers)
     if not search.explains(steps, declared) and search.is_half_told(steps):
         # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())

@@ -100,6 +100,7 @@ class Step:
         accepted: the effects added, none where the search ended.
         tied: names any of which explains the residual as well, the winner first; empty where there is one answer.
         verdict: why it was decided so.
+        base_instead: the base without any effect, as good as the best, from where that had taken it.
     """
 
     before: Hypothesis
@@ -108,6 +109,7 @@ class Step:
     accepted: tuple[Candidate, ...]
     tied: tuple[str, ...]
     verdict: str
+    base_instead: Hypothesis | None = None
 
     @property
     def after(self) -> Hypothesis:

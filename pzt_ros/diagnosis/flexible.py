@@ -52,8 +52,8 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     starts = [declared.staged.ceramic.start_of(declared.vector, number) for number in range(len(runs))]
     driven_before = [run.begins_driven for run in runs]
     seen = [bool(start.prior_voltages) or known for start, known in zip(starts, driven_before, strict=True)]
-    tried = [_fit_lattice(declared, unknown) for unknown in ([seen, driven_before] if seen != driven_before else [seen])]
-    return min(tried, key=lambda found: found.total)
+    starts_unknown = [seen] if seen == driven_before else [seen, driven_before]
+    return min((_fit_lattice(declared, unknown) for unknown in starts_unknown), key=lambda found: found.total)
 
 
 def _fit_lattice(declared: Hypothesis, unknown: Sequence[bool]) -> Hypothesis:

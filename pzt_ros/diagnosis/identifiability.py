@@ -30,11 +30,13 @@ class Alike(NamedTuple):
         is_so: whether runs are of that kind.
         effects: their names.
         remark: why, in words.
+        takes_all: whether the hysteresis can take up all of any, so that no refit beside it says more.
     """
 
     is_so: Callable[[Sequence[Record]], bool]
     effects: frozenset[str]
     remark: str
+    takes_all: bool = False
 
 
 def alike_by_design(records: Sequence[Record]) -> list[Alike]:
@@ -84,9 +86,20 @@ def _one_cycle(records: Sequence[Record]) -> bool:
 _ALIKE = (
     Alike(
         _one_cycle,
-        frozenset({"sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "slow_relaxation"}),
+        frozenset(
+            {
+                "sensor_lag",
+                "amplifier_bandwidth",
+                "mechanical_resonance",
+                "slow_relaxation",
+                "sensor_nonlinearity",
+                "strain_polarization_hysteresis",
+            }
+        ),
         "All runs are cycles of one frequency and amplitude: a lag, a bandwidth, a mode and a relaxation look alike"
-        " there, and the hysteresis may take up much of any.",
+        " there, the curve of a sensor and a loop of the strain law bend the one loop as they do, and the hysteresis"
+        " may take up much of any.",
+        takes_all=True,
     ),
     Alike(
         _one_way,

@@ -103,7 +103,8 @@ class Judge:
     def is_as_good(self, winner: Candidate, other: Candidate) -> bool:
         """Whether another explains so nearly as much that these runs do not decide between the two."""
         gained = winner.before.total - winner.after.total
-        alike = not self.at_floor(winner.after) and frozenset((winner.cause, other.cause)) in CONFOUNDED
+        explained = self.at_floor(winner.after) or self.is_far_ahead(winner, other)
+        alike = not explained and frozenset((winner.cause, other.cause)) in CONFOUNDED
         asked = self.thresholds.alike_tie if alike else self.thresholds.tie
         if self.is_outvoted(winner, other):
             before, here, there = (found.fit for found in (winner.before, winner.after, other.after))
@@ -118,6 +119,11 @@ class Judge:
             decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
         # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
         return not (decided and self.at_floor(winner.after)) or winner.after.staged.has_past
+
+    def is_far_ahead(self, winner: Candidate, other: Candidate) -> bool:
+        """Whether a winner explains nearly all, and what another leaves is many times what it leaves."""
+        less = winner.after.excess < self.thresholds.outdone * other.after.excess
+        return less and winner.share > self.thresholds.whole
 
     def may_be_decided(self, step: Step) -> bool:
         """Whether effects tie although the runs could tell them apart, beside something else that is left."""

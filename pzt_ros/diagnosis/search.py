@@ -150,7 +150,8 @@ class Search(Judge):
             return Step(before, candidates, refused, (), (), self._nothing(before))
         winner = self._plainest(sound)
         candidates = _headed_by(winner, candidates)
-        if self.is_enough(winner) and not self._is_the_base(winner):
+        base_instead = self._base_instead_of(winner) if self.is_enough(winner) else None
+        if self.is_enough(winner) and base_instead is None:
             tied = self._tied(winner, [c for c in candidates if c in sound or self.is_outvoted(winner, c)])
             return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
         known = self._informed(candidates, sound)
@@ -160,21 +161,22 @@ class Search(Judge):
         verdict = (
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
-        return Step(before, candidates, refused, (), (), verdict)
+        return Step(before, candidates, refused, (), (), verdict, base_instead)
 
     def _further_promise(self, before: Hypothesis) -> float:
         asked = self.thresholds
         return asked.further_promise if before.fit.ratio <= asked.in_sight else asked.far_promise
 
-    def _is_the_base(self, winner: Candidate) -> bool:
-        """Whether what a winner explains beside an unknown past is no more than the base does, fitted from there."""
+    def _base_instead_of(self, winner: Candidate) -> Hypothesis | None:
+        """The base fitted from where a winner took it beside an unknown past, if that leaves the winner too little."""
         if not winner.after.staged.has_past:
-            return False
+            return None
         bare = without(winner.after, winner.name)
         if bare is None or bare.total >= winner.before.total:
-            return False
+            return None
         tried = replace(winner, before=bare)
-        return self.at_floor(bare) or not (self.is_significant(tried) and self.is_enough(tried))
+        is_as_good = self.at_floor(bare) or not (self.is_significant(tried) and self.is_enough(tried))
+        return bare if is_as_good else None
 
     def _informed(
         self, candidates: Sequence[Candidate], sound: Sequence[Candidate]
@@ -210,7 +212,7 @@ class Search(Judge):
         """
         first = not before.effects and not self.at_floor(before)
         sooner = list(self.sooner()) if first else []
-        places = chain(sooner, [before], self.origins() if first and not self._blind(before) else ())
+        places = chain(sooner, [before], self.origins() if first and not self.blind(before) else ())
         candidates: tuple[Candidate, ...] = ()
         refused: dict[str, str] = {}
         for place in places:
@@ -222,7 +224,7 @@ class Search(Judge):
         return candidates, {name: why for name, why in refused.items() if name not in names}
 
     @staticmethod
-    def _blind(found: Hypothesis) -> list[Alike]:
+    def blind(found: Hypothesis) -> list[Alike]:
         """What the runs cannot tell apart by their design, wherever it is sought."""
         return alike_by_design([run.record for run in found.staged.runs])
 
@@ -308,7 +310,7 @@ class Search(Judge):
         """The winner with those that are as good, and with what no fit to these runs could tell from it, if any."""
         alike = [other.name for other in others]
         known = {winner.cause, *(EFFECT_OF[name].reported for name in alike)}
-        groups = [each.effects for each in self._blind(winner.before)]
+        groups = [each.effects for each in self.blind(winner.before)]
         alike += sorted({name for group in groups if known & group for name in group} - known)
         if winner.cause == SensorNonlinearity.kind and self._is_law_as_good(winner):
             alike.append(STRAIN_LAW)

@@ -40,7 +40,8 @@ class Thresholds:
         reachable: the same up to which further effects are looked for beside one that was found.
         trial_promise: as `far_promise` until another base was tried.
         in_sight: rms over noise up to which effects leave so little that the base is taken for right.
-        outdone: share of the excess that another base may leave at most for the search on this one to end.
+        outdone: share of the excess that another base may leave at most for the search on this one to end; and that an
+            effect may leave of what another leaves for the two not to be taken for one another easily.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred near the noise.
         tie: share of the winner's gain from which another effect is as good.

@@ -538,7 +538,7 @@ def test_beside_an_unknown_past_an_effect_has_to_beat_the_base_from_where_it_sta
     bare.effects = ()
     monkeypatch.setattr(search_of_effects, "without", lambda found, name: bare)
     monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
-    assert Search()._is_the_base(winner) is is_base
+    assert (Search()._base_instead_of(winner) is not None) is is_base
 
 
 def test_a_freed_strain_law_keeps_what_else_is_sought() -> None:

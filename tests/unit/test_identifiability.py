@@ -10,7 +10,8 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 
 TIME = np.arange(0.0, 4.0, 1e-3)
-LATE = frozenset({"sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "slow_relaxation"})
+LATE = {"sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "slow_relaxation"}
+IN_LOOP = frozenset({*LATE, "sensor_nonlinearity", "strain_polarization_hysteresis"})
 SLOW = frozenset({"slow_relaxation", "thermal_drift"})
 
 
@@ -29,7 +30,7 @@ def step(level: float = 100.0, back: float = 0.0) -> Array:
 @pytest.mark.parametrize(
     ("voltages", "groups"),
     [
-        ((sine(), sine()[:2500]), (LATE,)),
+        ((sine(), sine()[:2500]), (IN_LOOP,)),
         ((sine(), sine(frequency=9.0)), ()),
         ((sine(), sine(amplitude=30.0)), ()),
         ((sine() + sine(frequency=11.0, amplitude=15.0),), ()),
