@@ -218,7 +218,8 @@ class Search(Judge):
         for place in places:
             found, refused = self._candidates(before, place, most)
             candidates = best_of_each((*candidates, *found))
-            if self._is_settled(candidates) or (place in sooner and self._stands_alone(candidates)):
+            is_costly = place in sooner or before.staged.has_past  # and what is elsewhere led astray, or far away
+            if self._is_settled(candidates) or (is_costly and self._stands_alone(candidates)):
                 break
         names = {candidate.name for candidate in candidates}
         return candidates, {name: why for name, why in refused.items() if name not in names}
@@ -232,9 +233,12 @@ class Search(Judge):
         return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)
 
     def _stands_alone(self, candidates: Sequence[Candidate]) -> bool:
-        """Whether one explains all that is left, and no other comes near."""
-        near = [c.cause for c in candidates if max(c.after.ratios) <= self.thresholds.near_floor]
-        return bool(candidates) and self.at_floor(candidates[0].after) and set(near) == {candidates[0].cause}
+        """Whether one explains nearly all that is left, down to near the noise, and is far ahead of all others."""
+        if not candidates:
+            return False
+        best, asked = candidates[0], self.thresholds
+        near = max(best.after.fit.ratio, best.after.selection.ratio) < asked.near_floor and best.share > asked.whole
+        return near and all(self.is_far_ahead(best, each) for each in candidates if each.cause != best.cause)
 
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
