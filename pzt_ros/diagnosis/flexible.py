@@ -49,18 +49,11 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     """
     progress("identifying the density")
     runs = declared.staged.runs
-    starts = [declared.staged.ceramic.start_of(declared.vector, number) for number in range(len(runs))]
-    driven_before = [run.begins_driven for run in runs]
-    seen = [bool(start.prior_voltages) or known for start, known in zip(starts, driven_before, strict=True)]
-    starts_unknown = [seen] if seen == driven_before else [seen, driven_before]
-    return min((_fit_lattice(declared, unknown) for unknown in starts_unknown), key=lambda found: found.total)
-
-
-def _fit_lattice(declared: Hypothesis, unknown: Sequence[bool]) -> Hypothesis:
-    """The identified lattice fitted with the starts of some runs unknown."""
-    runs = declared.staged.runs
     thickness, voltages, reached = driven(declared)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
+    unknown, *others = _unknown_starts(declared)
+    if others:
+        unknown = min((unknown, *others), key=lambda each: fit.tried(*_parts(runs, voltages, each)))
     found = fit.fit(*_parts(runs, voltages, unknown))
     base: Any = found.problem.base
     flexible = FlexibleHysteresis(
@@ -75,6 +68,15 @@ def _fit_lattice(declared: Hypothesis, unknown: Sequence[bool]) -> Hypothesis:
     known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
     flexible.start[:known] = found.vector[:known]
     return _with_law(declared, flexible, found)
+
+
+def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
+    """Of which runs the start may be unknown: where the declared model has a past, and only where one was driven."""
+    runs, ceramic = declared.staged.runs, declared.staged.ceramic
+    pasts = [bool(ceramic.start_of(declared.vector, number).prior_voltages) for number in range(len(runs))]
+    was_driven = [run.begins_driven for run in runs]
+    seen = [past or known for past, known in zip(pasts, was_driven, strict=True)]
+    return [seen] if seen == was_driven else [seen, was_driven]
 
 
 def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
