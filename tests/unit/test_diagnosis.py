@@ -497,7 +497,8 @@ def misfitting(fit: float, selection: float) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("reached", "left", "tied"), [(1.03, 1.05, True), (1.03, 1.3, False), (1.0, 1.01, True), (1.0, 1.05, False)]
+    ("reached", "left", "tied"),
+    [(1.03, 1.05, True), (1.03, 1.3, False), (1.0, 1.01, True), (1.0, 1.05, False)],
 )
 def test_a_drift_is_not_put_first_by_values_of_its_own_where_nothing_was_fitted(
     reached: float, left: float, tied: bool
@@ -513,6 +514,19 @@ def test_a_drift_is_not_put_first_by_values_of_its_own_where_nothing_was_fitted(
     assert search.is_outvoted(drift, relaxation)
     assert not search.is_outvoted(relaxation, drift)
     assert search.is_as_good(drift, relaxation) is tied
+
+
+@pytest.mark.parametrize(("left", "tied"), [(1.1, False), (1.04, True)])
+def test_rates_of_its_own_do_not_bring_a_wrong_effect_down_to_the_noise_of_what_was_fitted(
+    left: float, tied: bool
+) -> None:
+    """A court case: a drift left 1.00 x where it was fitted, relaxation 1.1 x, and the two were the answer."""
+    before = misfitting(5.0, 5.0)
+    drift, relaxation = (
+        Candidate(name, before, misfitting(*ratios))
+        for name, ratios in (("thermal_drift", (1.0, 1.04)), ("slow_relaxation", (left, 1.6)))
+    )
+    assert Search().is_as_good(drift, relaxation) is tied
 
 
 @pytest.mark.parametrize("driven", [False, True])
