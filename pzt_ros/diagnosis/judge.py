@@ -108,11 +108,9 @@ class Judge:
         asked = self.thresholds.alike_tie if alike else self.thresholds.tie
         if self.is_outvoted(winner, other):
             before, here, there = (found.fit for found in (winner.before, winner.after, other.after))
-            settled, floor = self.thresholds.settled, self.thresholds.floor
-            if max(winner.after.ratios) <= settled < max(other.after.ratios):
+            left = max(here.ratio, winner.after.selection.ratio)
+            if self.at_floor(winner.after) and left <= self.thresholds.settled < there.ratio:
                 return False  # rates of its own do not bring a wrong effect down to the noise
-            if self.at_floor(winner.after) and here.ratio <= settled < floor < there.ratio:
-                return False  # nor where both were fitted, while the right one leaves more than that
             near = there.ratio <= self.thresholds.near_floor * here.ratio
             return near and before.total - there.total >= asked * (before.total - here.total)
         if winner.before.total - other.after.total < asked * gained:
