@@ -19,6 +19,8 @@ from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import Workers
 
+_COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
+
 
 @dataclass(frozen=True)
 class Branch:
@@ -88,7 +90,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [Branch("gaussian", declared, ()), *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
-    better = steps[0].base_instead or (to_the_bottom(declared) if any(step.accepted for step in steps) else declared)
+    better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
         return _searched(better, asked, progress, workers)
     if not search.explains(steps, declared) and search.is_half_told(steps):
@@ -109,6 +111,14 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
     return [dataclasses.replace(branch, steps=tuple(steps)), *others]
+
+
+def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:
+    """The base from where an effect had taken it, or taken to its bottom; as it is where that gains too little."""
+    instead = steps[0].base_instead
+    if instead is not None and instead.total <= _COMES_DOWN * declared.total:
+        return instead
+    return to_the_bottom(declared) if any(step.accepted for step in steps) else declared
 
 
 def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:

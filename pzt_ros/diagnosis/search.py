@@ -218,7 +218,8 @@ class Search(Judge):
         for place in places:
             found, refused = self._candidates(before, place, most)
             candidates = best_of_each((*candidates, *found))
-            is_costly = place in sooner or before.staged.has_past  # and what is elsewhere led astray, or far away
+            # what is elsewhere led astray, or is far from runs whose pasts are not known there
+            is_costly = any(place is each for each in sooner) or before.staged.has_past
             if self._is_settled(candidates) or (is_costly and self._stands_alone(candidates)):
                 break
         names = {candidate.name for candidate in candidates}

@@ -143,6 +143,14 @@ def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monke
     assert len(searched) == 2
 
 
+def test_a_base_that_gains_next_to_nothing_is_no_reason_to_begin_anew() -> None:
+    declared, hardly, better = leaving(2.0, 2.0), leaving(1.99, 1.99), leaving(1.9, 1.9)
+    steps = [Step(declared, (), {}, (), (), "", each) for each in (hardly, better, None)]
+    assert branches._better(declared, steps[:1]) is declared
+    assert branches._better(declared, steps[1:]) is better
+    assert branches._better(declared, steps[2:]) is declared
+
+
 @pytest.mark.parametrize("takes_all", [True, False])
 def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_density(
     monkeypatch: pytest.MonkeyPatch, takes_all: bool
