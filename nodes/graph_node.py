@@ -119,11 +119,9 @@ class GraphNode(Node):
     def create_client(self, kind: Any, name: str, **options: Any) -> Any:
         """As rclpy has it; a node of this process is asked without DDS."""
         client = super().create_client(kind, name, **options)
-        return (
-            IntraProcessClient(client, self.resolve_service_name(name), self.intra_process)
-            if self.intra_process
-            else client
-        )
+        if not self.intra_process:
+            return client
+        return IntraProcessClient(client, self.resolve_service_name(name), self.intra_process)
 
     def listen(self, name: str, callback: Callable[[Block], None]) -> None:
         """Call `callback` with every block on a topic; what is no block as the table has it is counted and dropped."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, gain_of, share_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis
-from pzt_ros.diagnosis.identifiability import alike_by_design
+from pzt_ros.diagnosis.identifiability import Alike, alike_by_design
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
 from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
@@ -32,7 +32,7 @@ class Judge:
 
     def is_outdone(self, steps: Sequence[Step], other: Hypothesis) -> bool:
         """Whether another base without an effect leaves far less beyond the noise than the search so far."""
-        return other.excess < self.thresholds.outdone * steps[-1].after.excess
+        return self._leaves_far_less(other, steps[-1].after)
 
     def at_floor(self, hypothesis: Hypothesis) -> bool:
         """Whether nothing is left in any run that would have to be explained."""
@@ -123,16 +123,22 @@ class Judge:
 
     def is_far_ahead(self, winner: Candidate, other: Candidate) -> bool:
         """Whether a winner explains nearly all, and what another leaves is many times what it leaves."""
-        less = winner.after.excess < self.thresholds.outdone * other.after.excess
-        return less and winner.share > self.thresholds.whole
+        return winner.share > self.thresholds.whole and self._leaves_far_less(winner.after, other.after)
+
+    def _leaves_far_less(self, one: Hypothesis, other: Hypothesis) -> bool:
+        return one.excess < self.thresholds.outdone * other.excess
+
+    @staticmethod
+    def blind(found: Hypothesis) -> list[Alike]:
+        """What the runs cannot tell apart by their design, wherever it is sought."""
+        return alike_by_design([run.record for run in found.staged.runs])
 
     def may_be_decided(self, step: Step) -> bool:
         """Whether effects tie although the runs could tell them apart, beside something else that is left."""
         near, far = self.thresholds.near_floor, self.thresholds.reachable
         if not step.tied or STRAIN_LAW in step.tied or not near < step.after.fit.ratio <= far:
             return False
-        blind = alike_by_design([run.record for run in step.before.staged.runs])
-        return not any(step.accepted[-1].cause in each.effects for each in blind)
+        return not any(step.accepted[-1].cause in each.effects for each in self.blind(step.before))
 
     def is_worth_finishing(self, candidate: Candidate) -> bool:
         """Whether a name could still come of a refit that is made exact and goes on."""

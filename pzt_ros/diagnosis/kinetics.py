@@ -30,9 +30,8 @@ def with_declared_kinetics(declared: Hypothesis) -> list[Hypothesis]:
     kept = [each for k, each in enumerate(ceramic.coordinates) if k not in places]
     fewer = DeclaredHysteresis(ceramic.model, ceramic.quick, kept, ceramic.records, ceramic.starts)
     held = dataclasses.replace(staged, ceramic=fewer)
-    vector = exact(fitted(held, held.start, most_steps=_STEPS)).vector
-    for k in places:  # in order, so that each stands where it was
-        vector = np.insert(vector, k, ceramic.start[k])
-    as_it_was = dataclasses.replace(staged, ceramic=ceramic.with_starts(ceramic.starts))
-    there = fitted(as_it_was, vector, most_steps=0)
+    vector = staged.start
+    vector[np.delete(np.arange(vector.size), places)] = exact(fitted(held, held.start, most_steps=_STEPS)).vector
+    nowhere_exact = dataclasses.replace(staged, ceramic=ceramic.with_starts(ceramic.starts))
+    there = fitted(nowhere_exact, vector, most_steps=0)
     return [there] if there.total <= _WORSE * declared.total else []

@@ -13,7 +13,6 @@ import numpy as np
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, share_of
 from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone, without
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
-from pzt_ros.diagnosis.identifiability import Alike, alike_by_design
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
@@ -224,11 +223,6 @@ class Search(Judge):
                 break
         names = {candidate.name for candidate in candidates}
         return candidates, {name: why for name, why in refused.items() if name not in names}
-
-    @staticmethod
-    def blind(found: Hypothesis) -> list[Alike]:
-        """What the runs cannot tell apart by their design, wherever it is sought."""
-        return alike_by_design([run.record for run in found.staged.runs])
 
     def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
         return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)

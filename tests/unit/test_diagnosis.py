@@ -688,7 +688,7 @@ def test_an_effect_is_weighed_on_a_density_that_was_fitted_to_what_chose(monkeyp
         return [dataclasses.replace(each, before=bare, after=after) for each, after in pairs]
 
     monkeypatch.setattr("pzt_ros.diagnosis.search.informed", weighed)
-    monkeypatch.setattr("pzt_ros.diagnosis.search.alike_by_design", lambda _records: [])
+    monkeypatch.setattr("pzt_ros.diagnosis.judge.alike_by_design", lambda _records: [])
     search = Search(Thresholds().on_lattice())
     both = [lag, mode]
     found = search._informed(both, both)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import branches, flexible
-from pzt_ros.diagnosis import search as search_of_effects
+from pzt_ros.diagnosis import branches, flexible, judge
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
@@ -107,7 +106,7 @@ def place(name: str, **found: tuple[float, float]) -> Any:
 def test_a_base_that_went_astray_is_not_asked_first(
     monkeypatch: pytest.MonkeyPatch, sooner: list[dict[str, tuple[float, float]]], seen: list[str]
 ) -> None:
-    monkeypatch.setattr(search_of_effects, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
     held = [place("held", **found) for found in sooner]
     elsewhere = place("elsewhere", slow_relaxation=(1.0, 1.0))
     search = Places(sooner=lambda: held, origins=lambda: [elsewhere, place("never")])
@@ -116,31 +115,22 @@ def test_a_base_that_went_astray_is_not_asked_first(
     assert candidates[0].after.total < 2.2
 
 
-def begun_anew(monkeypatch: pytest.MonkeyPatch, better: Any) -> tuple[Any, list[Any]]:
-    """The search of a driven base whose first step found this base instead; where it ended, and what was searched."""
+def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A court case: a curve of the sensor led a driven base out of where it was stuck, and was named with a drift."""
+    declared, better = leaving(2.0, 2.0), leaving(1.02, 1.01)
+    declared.staged = better.staged = SimpleNamespace(has_past=True, runs=[])
     searched: list[Any] = []
 
     def run(self: Search, found: Any) -> list[Step]:
         searched.append(found)
-        return [Step(found, (), {}, (), (), "", better if len(searched) == 1 else None)]
+        return [Step(found, (), {}, (), (), "", better if found is declared else None)]
 
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(branches, "taken_on", lambda found, asked: found)
-    monkeypatch.setattr(search_of_effects, "alike_by_design", lambda records: [])
-    monkeypatch.setattr(Search, "explains", lambda self, steps, found: found is better)
-    declared = leaving(2.0, 2.0)
-    declared.staged = SimpleNamespace(has_past=True, runs=[])
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
     (branch,) = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
-    return branch.base, searched
-
-
-def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A court case: a curve of the sensor led a driven base out of where it was stuck, and was named with a drift."""
-    better = leaving(1.02, 1.01)
-    better.staged = SimpleNamespace(has_past=True, runs=[])
-    found, searched = begun_anew(monkeypatch, better)
-    assert found is better
-    assert len(searched) == 2
+    assert branch.base is better
+    assert searched == [declared, better]
 
 
 def test_a_base_that_gains_next_to_nothing_is_no_reason_to_begin_anew() -> None:
@@ -165,7 +155,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
         searched.append(found)
         return [Step(found, (), {}, (), (), "")]
 
-    monkeypatch.setattr(search_of_effects, "alike_by_design", lambda records: blind)
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: blind)
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
     monkeypatch.setattr(branches, "_on_elements", lambda *_: [])
