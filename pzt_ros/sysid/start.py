@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,11 @@ _GUESSED = 2  # reversals of a first guess
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
+Misfit = Callable[[Start], Array]
+"""From a history to what is left of the counted samples beside it [m]."""
+
+_CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
+_FEWEST = 100  # samples to search by
 _LEVELS = 5
 _CLEAN = 1.05  # rms over noise
 _REFINED = 2
@@ -67,6 +72,22 @@ def counted_part(record: Record, span: Span, most: int) -> CountedPart:
     return CountedPart(record, np.arange(first, after, stride), after)
 
 
+def telling_part(part: CountedPart) -> CountedPart:
+    """The samples before the drive has been so often at both its ends that what was before acts on alike, or creeps.
+
+    Most of a past is wiped out by then, or stays as it is (return-point memory). As it is where few would be left.
+    """
+    voltage = part.record.voltage[: part.end]
+    low, high = float(np.min(voltage)), float(np.max(voltage))
+    room = _AT_END * (high - low)
+    at_end = np.flatnonzero((voltage <= low + room) | (voltage >= high - room))
+    crossed = at_end[1:][np.diff(voltage[at_end] > 0.5 * (low + high)) != 0]
+    if crossed.size <= 2 * _CYCLES:
+        return part
+    picks = part.picks[part.picks <= crossed[2 * _CYCLES]]
+    return replace(part, picks=picks, end=int(picks[-1]) + 1) if picks.size >= _FEWEST else part
+
+
 def voltage_bounds(record: Record) -> tuple[float, float]:
     """Where prior reversals are looked for [V]: half the run's range beyond it on each side."""
     low, high = float(record.voltage.min()), float(record.voltage.max())
@@ -90,6 +111,7 @@ def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
 
     Only the shape of the motion is compared: the scale of such a chain may be far off.
     """
+    part = telling_part(part)
     misfit = _misfit_of(chain, part, any_scale=True)
     leg = typical_leg(part.record)
     return [Start(leg=leg)] + [_best_of_grid(misfit, part.record, count, leg)[0] for count in range(1, _GUESSED + 1)]
@@ -104,7 +126,8 @@ def settle(
 ) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
 
-    Histories are looked for with the chain's surrogate and judged with the chain itself.
+    Histories are looked for with the chain's surrogate, in the samples that tell most, and judged with the chain itself
+    in all of them: a sine of 280 cycles took minutes to be searched.
 
     Args:
         chain: with its parameters fixed.
@@ -114,45 +137,57 @@ def settle(
             left when the parameters adapt to it, or those fitted to a wrong history would defend it.
         noise: of the displacement [m]; a history that leaves no more than that is not questioned.
     """
-    misfit = _misfit_of(chain, part, tangent=tangent)
-    quick = with_surrogate(chain)
-    searched = misfit if quick is chain else _misfit_of(quick, part, tangent=tangent)
+    quick, early = with_surrogate(chain), telling_part(part)
+    exactly = _misfit_of(chain, part, tangent=tangent)
+    quickly = exactly if quick is chain else _misfit_of(quick, part, tangent=tangent)
+    told = None if tangent is None else tangent[: early.picks.size]
+    misfits = _Misfits(exactly, quickly, quickly if early is part else _misfit_of(quick, early, tangent=told))
     begins = [replace(base, offset=0.0) for base in bases] or [Start(leg=typical_leg(part.record))]
     low, high = voltage_bounds(part.record)
     if low == high:  # nothing was driven, so no reversal could be told from another
         return with_offset(chain, part, begins[0])
-    found = [_grown(misfit, searched, begin, part.record, _CLEAN * noise) for begin in begins]
-    best = min(found, key=lambda each: _price(each, misfit(each))) if len(found) > 1 else found[0]
+    found = [_grown(misfits, begin, part.record, _CLEAN * noise) for begin in begins]
+    best = min(found, key=lambda each: _price(each, exactly(each))) if len(found) > 1 else found[0]
     return with_offset(chain, part, best)
 
 
-def _grown(
-    misfit: Callable[[Start], Array],
-    searched: Callable[[Start], Array],
-    best: Start,
-    record: Record,
-    clean: float,
-) -> Start:
+class _Misfits(NamedTuple):
+    """What is left of a run beside a history [m], from exact to quick to say.
+
+    Attributes:
+        exactly: by the chain.
+        quickly: by its surrogate.
+        early: by that, of the samples that tell most.
+    """
+
+    exactly: Misfit
+    quickly: Misfit
+    early: Misfit
+
+
+def _grown(misfits: _Misfits, best: Start, record: Record, clean: float) -> Start:
     """A history with as many more reversals as pay, until no more than `clean` is left [m]."""
+    exactly, quickly, early = misfits
     longest = _LONGEST if begins_driven(record) else _LONGEST_FROM_REST
-    best_residual, sought = misfit(best), searched(best)
+    best_residual, sought = exactly(best), early(best)
     while len(best.prior_voltages) < longest and rms(best_residual) > clean:
-        longer = [each for each in _longer(searched, best, record) if len(each.prior_voltages) <= longest]
-        seen = [(start, searched(start)) for start in longer]
+        longer = [each for each in _longer(early, best, record) if len(each.prior_voltages) <= longest]
+        seen = [(start, early(start)) for start in longer]
         paying = [(start, left) for start, left in seen if _pays(sought, left, _more(start, best))]
         if not paying:
             break
         start, left = min(paying, key=lambda pair: _price(*pair))
-        residual = misfit(start)
+        if early is not quickly:
+            start = _refined(quickly, start, record)
+            left = early(start)
+        residual = exactly(start)
         if not _pays(best_residual, residual, _more(start, best)):
             break
         best, best_residual, sought = start, residual, left
-    return best if misfit is searched else _corrected(misfit, searched, best, record)
+    return best if exactly is quickly else _corrected(exactly, quickly, best, record)
 
 
-def _corrected(
-    misfit: Callable[[Start], Array], searched: Callable[[Start], Array], best: Start, record: Record
-) -> Start:
+def _corrected(misfit: Misfit, searched: Misfit, best: Start, record: Record) -> Start:
     """A history refined with the surrogate and what the chain itself had beside it, for as long as it gets better."""
     residual = misfit(best)
     for _ in range(_CORRECTIONS if best.prior_voltages else 0):
@@ -165,7 +200,7 @@ def _corrected(
     return best
 
 
-def _sum_of(searched: Callable[[Start], Array], beside: Array, start: Start) -> Array:
+def _sum_of(searched: Misfit, beside: Array, start: Start) -> Array:
     return searched(start) + beside
 
 
@@ -175,9 +210,7 @@ def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
     return replace(start, offset=float(np.mean(part.displacement - model.displacement)))
 
 
-def _misfit_of(
-    chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None
-) -> Callable[[Start], Array]:
+def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None) -> Misfit:
     measured = part.displacement - part.displacement.mean()
     absorbed = np.zeros((measured.size, 0)) if tangent is None else np.linalg.qr(tangent)[0]
 
@@ -193,7 +226,7 @@ def _misfit_of(
     return misfit
 
 
-def _longer(misfit: Callable[[Start], Array], start: Start, record: Record) -> list[Start]:
+def _longer(misfit: Misfit, start: Start, record: Record) -> list[Start]:
     """The best histories with one reversal more at the end, and with two more anywhere, each refined.
 
     One more reversal in the middle is passed over by a ramp between its neighbours, so there it takes two.
@@ -210,7 +243,7 @@ def _longer(misfit: Callable[[Start], Array], start: Start, record: Record) -> l
     return found
 
 
-def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, leg: float) -> list[Start]:
+def _best_of_grid(misfit: Misfit, record: Record, count: int, leg: float) -> list[Start]:
     levels = np.linspace(*voltage_bounds(record), _LEVELS)
     starts = [
         Start(tuple(float(v) for v in voltages), leg)
@@ -220,7 +253,7 @@ def _best_of_grid(misfit: Callable[[Start], Array], record: Record, count: int, 
     return sorted(starts, key=lambda start: float(np.sum(misfit(start) ** 2)))[:_REFINED]
 
 
-def _refined(misfit: Callable[[Start], Array], start: Start, record: Record) -> Start:
+def _refined(misfit: Misfit, start: Start, record: Record) -> Start:
     """What local search makes of a start; the start itself where that is no better."""
     unit = max(rms(misfit(start)), 1e-15)  # the tolerances of the search want numbers of order 1
     found = _least_squares(
