@@ -5,8 +5,9 @@ of row i find their rates in one slice of a table over a and one of a table over
 
     up:   forward[rows - 1 - i + j],    down: backward[i + j],    j = 0 ... columns - 1.
 
-On a lattice (same spacing for E_c and E_e) many domains share an entry: this is what makes it fast (methods.md 1.3). A
-quadrature has nothing to share; it is one row with an entry for every domain.
+On a lattice (same spacing for E_c and E_e) many domains share an entry (methods.md 1.3), and few of them move: those
+at the two fronts of the return-point memory. Both make it fast. A quadrature has nothing to share; it is one row with
+an entry for every domain, in no order, and all of it is stepped.
 
 Each domain obeys x' = p (1 - x) - q x (3.8), linear in x for a given field. Two integrators:
 
@@ -41,6 +42,9 @@ _NEVER = 1e-100
 numbers below 1e-308, for which many processors take a hundred times as long."""
 
 _GONE = -200.0  # exp of it is as good as 0, and its products are no such small numbers either
+_STILL = 1e-12
+"""Of x [-]. Domains of a lattice that move by less in a step are left where they are: anything moves only near the two
+fronts, where the field switches up and down just now, one domain in fifty."""
 _MAX_TRIALS = 80
 _NO_SUCH_FIELD = 1e9  # [V/m]; a hundred times what breaks a ceramic
 
@@ -95,11 +99,10 @@ def _substeps(el, climb, duration):  # type: ignore[no-untyped-def]
 
 
 @njit(**WITHIN, error_model="numpy", fastmath=True)
-def _fill_rates(up, down, el, u):  # type: ignore[no-untyped-def]
-    """Both rate tables [1/s] at the field u [in units of d]."""
-    for k in range(up.size):
-        up[k] = el.attempt_rate * switching_rate(u - el.forward[k]) + _NEVER
-        down[k] = el.attempt_rate * switching_rate(el.backward[k] - u) + _NEVER
+def _fill_rates(rates, el, thresholds, sign, u):  # type: ignore[no-untyped-def]
+    """Rates [1/s] at the field u [in units of d] of domains that switch beyond thresholds, up (sign 1) or down (-1)."""
+    for k in range(rates.size):
+        rates[k] = el.attempt_rate * switching_rate(sign * (u - thresholds[k])) + _NEVER
 
 
 @njit(**WITHIN, error_model="numpy", fastmath=True)
@@ -129,76 +132,170 @@ def total_weight(el):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(**WITHIN, error_model="numpy", fastmath=True)
-def _midpoint(x, el, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
-    """One step of every domain towards the equilibrium at mid-step, in place; returns the weighted sum of x."""
-    rows, columns, stride = _shape(el)
-    total = 0.0
+@njit(**WITHIN, error_model="numpy")
+def _moves(el, threshold, sign, u, h):  # type: ignore[no-untyped-def]
+    return h * el.attempt_rate * switching_rate(sign * (u - threshold)) > _STILL
+
+
+@njit(**WITHIN, error_model="numpy")
+def _first_up(el, u, h):  # type: ignore[no-untyped-def]
+    """From which entry of the table on domains move up in a step of h s at the field u [in units of d]."""
+    low, high = 0, el.forward.size
+    while low < high:
+        middle = (low + high) // 2
+        if _moves(el, el.forward[middle], 1.0, u, h):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@njit(**WITHIN, error_model="numpy")
+def _after_down(el, u, h):  # type: ignore[no-untyped-def]
+    """Before which entry they move down."""
+    low, high = 0, el.backward.size
+    while low < high:
+        middle = (low + high) // 2
+        if _moves(el, el.backward[middle], -1.0, u, h):
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(**WITHIN, error_model="numpy")
+def _find_fronts(fronts, x, el, h, lowest, highest):  # type: ignore[no-untyped-def]
+    """Where domains move in a step: `fronts` begins with (row, empty, end, begin, full) for every row in which some do.
+
+    Up go the columns from `begin` on, until they are full, down those before `end`, until they are empty; both, where
+    these overlap. What lies between is held by its barrier. Along a row of a lattice x never falls: a higher bias has
+    always pushed up more. The one row of a quadrature is in no order, and all of it moves.
+
+    Returns:
+        the number of these rows, and the entries of the tables that they need: from and to, up and down.
+    """
+    rows, columns, _ = _shape(el)
+    if rows == 1:
+        fronts[0, 0], fronts[0, 1], fronts[0, 2], fronts[0, 3], fronts[0, 4] = 0, 0, columns, 0, columns
+        return 1, 0, columns, 0, columns
+    up, down = _first_up(el, highest, h), _after_down(el, lowest, h)
+    count, up_from, up_to, down_from, down_to = 0, up, up, down, down
     for i in range(rows):
+        first, m = i * columns, rows - 1 - i
+        begin = min(max(up - m, 0), columns)
+        end = min(max(down - i, 0), columns)
+        empty, full = min(begin, end), max(begin, end)
+        while empty > 0 and x[first + empty - 1] > _STILL:
+            empty -= 1
+        while full < columns and x[first + full] < 1.0 - _STILL:
+            full += 1
+        if empty < end or begin < full:
+            fronts[count, 0], fronts[count, 1], fronts[count, 2], fronts[count, 3] = i, empty, end, begin
+            fronts[count, 4] = full
+            count += 1
+            up_from, up_to = min(up_from, m + begin), max(up_to, m + full)
+            down_from, down_to = min(down_from, i + empty), max(down_to, i + end)
+    return count, up_from, up_to, down_from, down_to
+
+
+@njit(**WITHIN, fastmath=True)
+def _fall(r, decay):  # type: ignore[no-untyped-def]
+    """One step of domains that only switch down, in place."""
+    for j in range(r.size):
+        r[j] *= decay[j]
+
+
+@njit(**WITHIN, fastmath=True)
+def _rise(r, decay):  # type: ignore[no-untyped-def]
+    """One step of domains that only switch up, in place."""
+    for j in range(r.size):
+        r[j] = 1.0 - (1.0 - r[j]) * decay[j]
+
+
+@njit(**WITHIN, error_model="numpy", fastmath=True)
+def _midpoint(r, p, p_decay, q, q_decay):  # type: ignore[no-untyped-def]
+    """One step towards the equilibrium at mid-step, in place."""
+    for j in range(r.size):
+        xe = p[j] / (p[j] + q[j])
+        moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
+        r[j] = min(max(moved, 0.0), 1.0)
+
+
+@njit(**WITHIN, error_model="numpy", fastmath=True)
+def _collocation(r, h, p0, pm, p1, q0, qm, q1, p_decay, q_decay):  # type: ignore[no-untyped-def]
+    """One step with the rates at its start, middle and end, in place."""
+    for j in range(r.size):
+        s0 = p0[j] + q0[j]
+        sm = pm[j] + qm[j]
+        s1 = p1[j] + q1[j]
+        x0, xm, x1 = p0[j] / s0, pm[j] / sm, p1[j] / s1
+        clock = h / 6.0 * (s0 + 4.0 * sm + s1)
+        decay = p_decay[j] * q_decay[j]
+        # phi_2 = (exp(-clock) - 1 + clock)/clock^2: Taylor where this cancels; then phi_1 = (1 - exp(-clock))/clock
+        c = min(clock, 0.5)
+        taylor = 1 / 5040 - c * (1 / 40320 - c * (1 / 362880 - c * (1 / 3628800 - c * (1 / 39916800 - c / 479001600))))
+        taylor = 1 / 2 - c * (1 / 6 - c * (1 / 24 - c * (1 / 120 - c * (1 / 720 - c * taylor))))
+        direct = (1.0 - (1.0 - decay) / clock) / clock
+        phi2 = taylor if clock < 0.5 else direct
+        phi1 = 1.0 - clock * phi2
+        # where on the inner clock the middle of the step lies; far from 1/2 only where nothing moves
+        theta = min(max(h / 24.0 * (5.0 * s0 + 8.0 * sm - s1) / clock, 0.25), 0.75)
+        curvature = (xm - x0 - theta * (x1 - x0)) / (theta * (theta - 1.0))
+        slope = x1 - x0 - curvature
+        moved = x1 + decay * (r[j] - x0) - slope * phi1 - 2.0 * curvature * phi2
+        r[j] = min(max(moved, 0.0), 1.0)
+
+
+@njit(**WITHIN, error_model="numpy")
+def _move(x, el, fronts, count, h, collocation, up, down):  # type: ignore[no-untyped-def]
+    """One step of the domains at `count` fronts, in place."""
+    rows, columns, _ = _shape(el)
+    up_decay, down_decay = up[3], down[3]
+    for n in range(count):
+        i, empty, end, begin, full = fronts[n, 0], fronts[n, 1], fronts[n, 2], fronts[n, 3], fronts[n, 4]
         r = x[i * columns : (i + 1) * columns]
-        weight = el.column_weight[i * stride : i * stride + columns]
         m = rows - 1 - i
-        p = up[m : m + columns]
-        p_decay = up_decay[m : m + columns]
-        q = down[i : i + columns]
-        q_decay = down_decay[i : i + columns]
-        row = 0.0
-        for j in range(columns):
-            xe = p[j] / (p[j] + q[j])
-            moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
-            moved = min(max(moved, 0.0), 1.0)
-            r[j] = moved
-            row += moved * weight[j]
-        total += row * el.row_weight[i]
+        fallen, risen = min(begin, end), max(begin, end)
+        if empty < fallen:
+            _fall(r[empty:fallen], down_decay[i + empty : i + fallen])
+        if begin < end:
+            a, b, c, d = m + begin, m + end, i + begin, i + end
+            p_decay, q_decay = up_decay[a:b], down_decay[c:d]
+            if collocation:
+                p0, pm, p1 = up[0][a:b], up[1][a:b], up[2][a:b]
+                q0, qm, q1 = down[0][c:d], down[1][c:d], down[2][c:d]
+                _collocation(r[begin:end], h, p0, pm, p1, q0, qm, q1, p_decay, q_decay)
+            else:
+                _midpoint(r[begin:end], up[1][a:b], p_decay, down[1][c:d], q_decay)
+        if risen < full:
+            _rise(r[risen:full], up_decay[m + risen : m + full])
+
+
+@njit(**WITHIN, error_model="numpy", fastmath=True)
+def _row_sum(x, el, i):  # type: ignore[no-untyped-def]
+    """Sum of weight times x along a row [-]."""
+    _, columns, stride = _shape(el)
+    r = x[i * columns : (i + 1) * columns]
+    weight = el.column_weight[i * stride : i * stride + columns]
+    total = 0.0
+    for j in range(columns):
+        total += r[j] * weight[j]
     return total
 
 
-@njit(**WITHIN, error_model="numpy", fastmath=True)
-def _collocation(x, el, h, up, up_decay, down, down_decay):  # type: ignore[no-untyped-def]
-    """One step of every domain with the rates up[0..2], down[0..2] at start, middle and end, in place."""
-    rows, columns, _ = _shape(el)
-    for i in range(rows):
-        r = x[i * columns : (i + 1) * columns]
-        m = rows - 1 - i
-        p0, pm, p1 = up[0][m : m + columns], up[1][m : m + columns], up[2][m : m + columns]
-        q0, qm, q1 = down[0][i : i + columns], down[1][i : i + columns], down[2][i : i + columns]
-        p_decay, q_decay = up_decay[m : m + columns], down_decay[i : i + columns]
-        for j in range(columns):
-            s0 = p0[j] + q0[j]
-            sm = pm[j] + qm[j]
-            s1 = p1[j] + q1[j]
-            x0, xm, x1 = p0[j] / s0, pm[j] / sm, p1[j] / s1
-            clock = h / 6.0 * (s0 + 4.0 * sm + s1)
-            decay = p_decay[j] * q_decay[j]
-            # phi_2 = (exp(-clock) - 1 + clock)/clock^2: Taylor where this cancels; then phi_1 = (1 - exp(-clock))/clock
-            c = min(clock, 0.5)
-            taylor = 1 / 5040 - c * (
-                1 / 40320 - c * (1 / 362880 - c * (1 / 3628800 - c * (1 / 39916800 - c / 479001600)))
-            )
-            taylor = 1 / 2 - c * (1 / 6 - c * (1 / 24 - c * (1 / 120 - c * (1 / 720 - c * taylor))))
-            direct = (1.0 - (1.0 - decay) / clock) / clock
-            phi2 = taylor if clock < 0.5 else direct
-            phi1 = 1.0 - clock * phi2
-            # where on the inner clock the middle of the step lies; far from 1/2 only where nothing moves
-            theta = min(max(h / 24.0 * (5.0 * s0 + 8.0 * sm - s1) / clock, 0.25), 0.75)
-            curvature = (xm - x0 - theta * (x1 - x0)) / (theta * (theta - 1.0))
-            slope = x1 - x0 - curvature
-            moved = x1 + decay * (r[j] - x0) - slope * phi1 - 2.0 * curvature * phi2
-            r[j] = min(max(moved, 0.0), 1.0)
+@njit(**WITHIN)
+def _add_rows(sums, x, el):  # type: ignore[no-untyped-def]
+    """Sum up every row; what a row adds to the whole depends on its domains only, however they came there."""
+    for i in range(sums.size):
+        sums[i] = _row_sum(x, el, i)
 
 
-@njit(**WITHIN, error_model="numpy", fastmath=True)
-def weighted_sum(x, el):  # type: ignore[no-untyped-def]
-    """Sum of weight times x over all domains [-]."""
-    rows, columns, stride = _shape(el)
+@njit(**WITHIN)
+def _weighted_sum(sums, el):  # type: ignore[no-untyped-def]
+    """Sum of weight times x over all domains [-], from those of the rows."""
     total = 0.0
-    for i in range(rows):
-        r = x[i * columns : (i + 1) * columns]
-        weight = el.column_weight[i * stride : i * stride + columns]
-        row = 0.0
-        for j in range(columns):
-            row += r[j] * weight[j]
-        total += row * el.row_weight[i]
+    for i in range(sums.size):
+        total += sums[i] * el.row_weight[i]
     return total
 
 
@@ -209,42 +306,47 @@ def _polarization(switched, weights, field, el):  # type: ignore[no-untyped-def]
 
 
 @njit(**WITHIN, error_model="numpy")
-def advance(x, el, work, start, end, duration):  # type: ignore[no-untyped-def]
-    """Take all x, in place, through a linear ramp from start to end [V/m] in duration [s]; returns their weighted sum.
+def advance(x, sums, el, work, start, end, duration):  # type: ignore[no-untyped-def]
+    """Take all x and the sums of their rows, in place, through a linear ramp from start to end [V/m] in duration [s].
 
-    `work` holds the tables: shape (8, rows + columns - 1).
+    Returns the weighted sum of x. `work` is as `_work` makes it.
     """
     if duration == 0.0:
-        return weighted_sum(x, el)
-    up, down, up_decay, down_decay = work[0:3], work[3:6], work[6], work[7]
+        return _weighted_sum(sums, el)
+    up, down, fronts, moved = work
     u0 = start / el.width
     climb = (end - start) / el.width
     count = _substeps(el, climb, duration)
     h = duration / count
-    switched = 0.0
     collocation = el.method == COLLOCATION and climb != 0.0
+    first, last = (0, 2) if collocation else (1, 1)  # at the start, in the middle, at the end of a substep
     for k in range(count):
-        if k > 0:
-            copy_onto(up[0], up[2])
-            copy_onto(down[0], down[2])
-        first = 1 if k > 0 or not collocation else 0
-        last = 2 if collocation else 1
-        for node in range(first, last + 1):  # start, middle, end of the substep
-            _fill_rates(up[node], down[node], el, u0 + climb * ((k + 0.5 * node) / count))
-        if collocation:
-            _fill_decay(up_decay, h, up[0], up[1], up[2])
-            _fill_decay(down_decay, h, down[0], down[1], down[2])
-            _collocation(x, el, h, up, up_decay, down, down_decay)
-        else:
-            _fill_decay(up_decay, h, up[1], up[1], up[1])
-            _fill_decay(down_decay, h, down[1], down[1], down[1])
-            switched = _midpoint(x, el, up[1], up_decay, down[1], down_decay)
-    return weighted_sum(x, el) if collocation else switched
+        begin, end = u0 + climb * ((k + 0.5 * first) / count), u0 + climb * ((k + 0.5 * last) / count)
+        moving, a, b, c, d = _find_fronts(fronts, x, el, h, min(begin, end), max(begin, end))
+        for node in range(first, last + 1):
+            u = u0 + climb * ((k + 0.5 * node) / count)
+            _fill_rates(up[node][a:b], el, el.forward[a:b], 1.0, u)
+            _fill_rates(down[node][c:d], el, el.backward[c:d], -1.0, u)
+        _fill_decay(up[3][a:b], h, up[first][a:b], up[1][a:b], up[last][a:b])
+        _fill_decay(down[3][c:d], h, down[first][c:d], down[1][c:d], down[last][c:d])
+        _move(x, el, fronts, moving, h, collocation, up, down)
+        for n in range(moving):
+            moved[fronts[n, 0]] = True
+    for i in range(sums.size):
+        if moved[i]:
+            moved[i] = False
+            sums[i] = _row_sum(x, el, i)
+    return _weighted_sum(sums, el)
 
 
 @njit(**WITHIN, error_model="numpy")
 def _work(el):  # type: ignore[no-untyped-def]
-    return np.zeros((8, el.forward.size))
+    """Tables of rates up and down (at start, middle and end of a step, and what they leave), fronts, rows that moved.
+
+    Shapes: (4, rows + columns - 1) twice, (rows, 5), (rows,).
+    """
+    rows, size = el.row_weight.size, el.forward.size
+    return np.zeros((4, size)), np.zeros((4, size)), np.zeros((rows, 5), np.int64), np.zeros(rows, np.bool_)
 
 
 @njit(**OUTER, error_model="numpy", nogil=True)
@@ -255,13 +357,14 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
     """
     work = _work(el)
     x = state[HEAD:]
-    weights = total_weight(el)
+    weights, sums = total_weight(el), np.zeros(el.row_weight.size)
+    _add_rows(sums, x, el)
     for k in range(time.size):
         duration = time[k] - state[TIME]
         field = voltage[k] / el.layer_thickness
         if not (duration >= 0.0 and math.isfinite(time[k]) and abs(field) <= _NO_SUCH_FIELD):
             return k
-        switched = advance(x, el, work, state[VOLTAGE] / el.layer_thickness, field, duration)
+        switched = advance(x, sums, el, work, state[VOLTAGE] / el.layer_thickness, field, duration)
         state[TIME], state[VOLTAGE] = time[k], voltage[k]
         phase_fraction[k] = switched / weights
         polarization[k] = _polarization(switched, weights, field, el)
@@ -278,8 +381,9 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
     """
     work = _work(el)
     x = state[HEAD:]
-    trial_x = np.empty_like(x)
-    weights = total_weight(el)
+    weights, sums = total_weight(el), np.zeros(el.row_weight.size)
+    _add_rows(sums, x, el)
+    trial_x, trial_sums = np.empty_like(x), np.empty_like(sums)
     least_slope = weights * el.susceptibility / el.layer_thickness
     for k in range(time.size):
         duration = time[k] - state[TIME]
@@ -287,7 +391,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
             return k
         start = state[VOLTAGE] / el.layer_thickness
         known = math.isfinite(target[k])
-        way = target[k] - _polarization(weighted_sum(x, el), weights, start, el)
+        way = target[k] - _polarization(_weighted_sum(sums, el), weights, start, el)
         v = state[VOLTAGE]
         if known:
             v = min(max(v + way / state[SLOPE], -limit), limit)
@@ -295,8 +399,9 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         slope, v_old, miss_old = least_slope, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
             copy_onto(trial_x, x)
+            copy_onto(trial_sums, sums)
             field = v / el.layer_thickness
-            switched = advance(trial_x, el, work, start, field, duration)
+            switched = advance(trial_x, trial_sums, el, work, start, field, duration)
             miss = _polarization(switched, weights, field, el) - target[k]
             if not known or abs(miss) <= tolerance:
                 break
@@ -320,6 +425,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         if known and abs(climb) > 1e-9 * limit:
             state[SLOPE] = max((way + miss) / climb, least_slope)
         copy_onto(x, trial_x)
+        copy_onto(sums, trial_sums)
         state[TIME], state[VOLTAGE] = time[k], v
         voltage[k] = v
         phase_fraction[k] = switched / weights

@@ -9,6 +9,7 @@ import pytest
 from scipy import integrate, special
 
 from pzt_ros.errors import BenchError
+from pzt_ros.physics import polycrystal_kernel as kernel
 from pzt_ros.physics.density import Gaussian, Table, equal_probability, equally_spaced, gauss_legendre
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.polycrystal import Polycrystal
@@ -57,6 +58,33 @@ def test_two_independent_fine_grids_agree():
     signals = drive(samples=80)
     difference = fraction(Lattice(spacing=0.25), signals) - fraction(FineLegendre(), signals)
     assert np.max(np.abs(difference)) < 1e-5
+
+
+@pytest.mark.parametrize("method", ["midpoint", "collocation"])
+@pytest.mark.parametrize("rate", [1e5, 1e7, 1e9])
+def test_a_lattice_steps_the_fronts_only_and_misses_nothing(method, rate):
+    """The same domains as one row in no order, which is stepped whole; some barriers are too low to hold."""
+    lattice = Lattice(spacing=0.7, method=method, accuracy=1e-5, temperature=400.0)
+    rows, columns = (nodes[0].size for nodes in lattice.nodes())
+    elements = lattice.elements
+    i, j = np.arange(rows)[:, None], np.arange(columns)
+    assert rows > 20 < columns
+    unordered = np.random.default_rng(3).permutation(rows * columns)
+    whole = elements._replace(
+        forward=elements.forward[rows - 1 - i + j].ravel()[unordered],
+        backward=elements.backward[i + j].ravel()[unordered],
+        row_weight=np.ones(1),
+        column_weight=np.outer(elements.row_weight, elements.column_weight).ravel()[unordered],
+    )
+    signals = drive(rate=rate, hold=1.0)
+    state = lattice.init(Rest())
+    after, out = lattice.step(state, signals)
+    expected = np.concatenate((state[: kernel.HEAD], state[kernel.HEAD :][unordered]))
+    polarization, fraction = np.empty(signals.time.size), np.empty(signals.time.size)
+    assert kernel.run(expected, whole, signals.time, signals.voltage, polarization, fraction) == -1
+    np.testing.assert_allclose(out.phase_fraction, fraction, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(after[kernel.HEAD :][unordered], expected[kernel.HEAD :], rtol=0, atol=1e-8)
+    assert np.diff(after[kernel.HEAD :].reshape(rows, columns), axis=1).min() > -1e-11, "what the fronts rest on"
 
 
 def test_a_table_of_the_gaussian_is_the_gaussian():
