@@ -309,11 +309,13 @@ def _polarization(switched, weights, field, el):  # type: ignore[no-untyped-def]
 def advance(x, sums, el, work, start, end, duration):  # type: ignore[no-untyped-def]
     """Take all x and the sums of their rows, in place, through a linear ramp from start to end [V/m] in duration [s].
 
-    Returns the weighted sum of x. `work` is as `_work` makes it.
+    Returns the weighted sum of x. `work` is as `_work` makes it, and says afterwards which rows have moved.
     """
+    up, down, fronts, moved = work
+    for i in range(moved.size):
+        moved[i] = False
     if duration == 0.0:
         return _weighted_sum(sums, el)
-    up, down, fronts, moved = work
     u0 = start / el.width
     climb = (end - start) / el.width
     count = _substeps(el, climb, duration)
@@ -334,7 +336,6 @@ def advance(x, sums, el, work, start, end, duration):  # type: ignore[no-untyped
             moved[fronts[n, 0]] = True
     for i in range(sums.size):
         if moved[i]:
-            moved[i] = False
             sums[i] = _row_sum(x, el, i)
     return _weighted_sum(sums, el)
 
@@ -371,6 +372,16 @@ def run(state, el, time, voltage, polarization, phase_fraction):  # type: ignore
     return -1
 
 
+@njit(**WITHIN)
+def _copy_moved(x, sums, source_x, source_sums, moved):  # type: ignore[no-untyped-def]
+    """Copy the rows that have moved, and their sums."""
+    columns = x.size // sums.size
+    for i in range(sums.size):
+        if moved[i]:
+            sums[i] = source_sums[i]
+            copy_onto(x[i * columns : (i + 1) * columns], source_x[i * columns : (i + 1) * columns])
+
+
 @njit(**OUTER, error_model="numpy", nogil=True)
 def run_inverse(state, el, time, target, voltage, phase_fraction, limit, tolerance):  # type: ignore[no-untyped-def]
     """Find the voltage at the end of each sample that gives the target polarization [C/m^2]; otherwise as `run`.
@@ -383,7 +394,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
     x = state[HEAD:]
     weights, sums = total_weight(el), np.zeros(el.row_weight.size)
     _add_rows(sums, x, el)
-    trial_x, trial_sums = np.empty_like(x), np.empty_like(sums)
+    trial_x, trial_sums = x.copy(), sums.copy()
     least_slope = weights * el.susceptibility / el.layer_thickness
     for k in range(time.size):
         duration = time[k] - state[TIME]
@@ -398,8 +409,8 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         low, high, checked = -limit, limit, 4.0 * limit
         slope, v_old, miss_old = least_slope, 0.0, 0.0
         for trial in range(_MAX_TRIALS):
-            copy_onto(trial_x, x)
-            copy_onto(trial_sums, sums)
+            if trial > 0:
+                _copy_moved(trial_x, trial_sums, x, sums, work[3])
             field = v / el.layer_thickness
             switched = advance(trial_x, trial_sums, el, work, start, field, duration)
             miss = _polarization(switched, weights, field, el) - target[k]
@@ -424,8 +435,7 @@ def run_inverse(state, el, time, target, voltage, phase_fraction, limit, toleran
         climb = v - state[VOLTAGE]
         if known and abs(climb) > 1e-9 * limit:
             state[SLOPE] = max((way + miss) / climb, least_slope)
-        copy_onto(x, trial_x)
-        copy_onto(sums, trial_sums)
+        _copy_moved(x, sums, trial_x, trial_sums, work[3])
         state[TIME], state[VOLTAGE] = time[k], v
         voltage[k] = v
         phase_fraction[k] = switched / weights
