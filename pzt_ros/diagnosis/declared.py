@@ -32,7 +32,7 @@ _ROUGH = 6e-4  # rms of the difference over the span of P from which the front m
 _WIDE, _LOOSE = 0.5, 1e-3  # thermal widths between domains, error of x+: of what takes its place
 _WIDEST = 10.0  # thermal widths between domains
 _COARSEST = 1e-2  # error of x+ on slow ramps
-_MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 15 s
+_MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 2 s
 _MOST_WIDE_DOMAINS = 8_000  # of one that takes the front model's place: spreads that ran away would make it far slower
 
 
@@ -84,8 +84,8 @@ class _Exact(NamedTuple):
 class DeclaredHysteresis:
     """A ceramic's link with some of its parameters free; a `staged.Hysteresis`.
 
-    A model of many domains takes twenty times as long as the front model of the same ceramic, and the two differ by
-    little that changes slowly with the parameters. So the search moves the front model, plus the difference of the two
+    A model of many domains takes ten to twenty times as long as the front model of the same ceramic, and the two differ
+    by little that changes slowly with the parameters. So the search moves the front model, plus the difference of the two
     where `exact_at` was last asked for, and how that changed on the way there: without it a search creeps in a valley,
     such as where a lag and a relaxation time make up for one another. On drives that turn at every few samples the
     front model is worst, and its decisions on what is a reversal are cliffs in the cost; there a lattice of wide
@@ -264,7 +264,7 @@ def _affordable(link: Ferroelectric, most: int) -> Ferroelectric:
     """A lattice with fewer domains and longer substeps where there would be too many to wait for.
 
     Records that do not tell the thermal width, one hold or one sine, let it shrink. The domains grow with its inverse
-    square, the substeps with its inverse: one pass over 20 s of such a record took minutes.
+    square, the substeps with its inverse: each sample then takes many.
     """
     if not isinstance(link, Lattice) or link.threshold_density is not None:
         return link

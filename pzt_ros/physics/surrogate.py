@@ -1,4 +1,4 @@
-"""The front model in place of a polycrystal: a twentieth of the time, and near enough to search with."""
+"""The front model in place of a polycrystal: a tenth to a twentieth of the time, and near enough to search with."""
 
 from __future__ import annotations
 
