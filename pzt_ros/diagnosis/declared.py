@@ -85,10 +85,10 @@ class DeclaredHysteresis:
     """A ceramic's link with some of its parameters free; a `staged.Hysteresis`.
 
     A model of many domains takes ten to twenty times as long as the front model of the same ceramic, and the two differ
-    by little that changes slowly with the parameters. So the search moves the front model, plus the difference of the two
-    where `exact_at` was last asked for, and how that changed on the way there: without it a search creeps in a valley,
-    such as where a lag and a relaxation time make up for one another. On drives that turn at every few samples the
-    front model is worst, and its decisions on what is a reversal are cliffs in the cost; there a lattice of wide
+    by little that changes slowly with the parameters. So the search moves the front model, plus the difference of the
+    two where `exact_at` was last asked for, and how that changed on the way there: without it a search creeps in a
+    valley, such as where a lag and a relaxation time make up for one another. On drives that turn at every few samples
+    the front model is worst, and its decisions on what is a reversal are cliffs in the cost; there a lattice of wide
     spacing takes its place, which on such drives takes no longer.
 
     The vector is: the parameters, then run by run the prior reversals as a share of the voltages allowed.

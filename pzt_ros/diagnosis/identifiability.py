@@ -103,8 +103,8 @@ _ALIKE = (
     ),
     Alike(
         _one_way,
-        frozenset({"slow_relaxation", "thermal_drift"}),
-        "The drive only went one way: slow relaxation and drift look alike there, and the hysteresis may take up much"
-        " of either.",
+        frozenset({"slow_relaxation", "thermal_drift", "bias_field"}),
+        "The drive only went one way: slow relaxation, drift and a bias field that builds up look alike there, and the"
+        " hysteresis may take up much of any.",
     ),
 )

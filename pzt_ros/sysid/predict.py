@@ -19,7 +19,7 @@ from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
-from pzt_ros.sysid.start import CountedPart, counted_part, settle, with_offset
+from pzt_ros.sysid.start import CountedPart, counted_part, misfit_at, pays, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
@@ -130,7 +130,31 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     counted = counted_part(record, part, _MOST_TO_SETTLE)
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, counted, base, list(known.values()), noise)
-    return with_offset(model, counted, with_own_values_fitted(model, counted, found, expected, noise)), rule, told
+    return _with_own_values(model, counted, base, found, expected, noise), rule, told
+
+
+def _with_own_values(
+    model: Chain,
+    counted: CountedPart,
+    base: Start,
+    found: Start,
+    expected: Mapping[str, tuple[float, float]],
+    noise: float,
+) -> Start:
+    """A history with the run's own parameters and its offset.
+
+    Reversals before a run from rest that stand for what these parameters do, such as a drift, are dropped.
+    """
+
+    def completed(start: Start) -> Start:
+        return with_offset(model, counted, with_own_values_fitted(model, counted, start, expected, noise))
+
+    more = len(found.prior_voltages) - len(base.prior_voltages)
+    if not expected or not more or begins_driven(counted.record):
+        return completed(found)
+    plain, longer = completed(base), completed(found)
+    before, after = (misfit_at(model, counted, start) for start in (plain, longer))
+    return longer if pays(before, after, more) else plain
 
 
 def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[Start], noise: float) -> Start:

@@ -173,7 +173,7 @@ def _grown(misfits: _Misfits, best: Start, record: Record, clean: float) -> Star
     while len(best.prior_voltages) < longest and rms(best_residual) > clean:
         longer = [each for each in _longer(early, best, record) if len(each.prior_voltages) <= longest]
         seen = [(start, early(start)) for start in longer]
-        paying = [(start, left) for start, left in seen if _pays(sought, left, _more(start, best))]
+        paying = [(start, left) for start, left in seen if pays(sought, left, _more(start, best))]
         if not paying:
             break
         start, left = min(paying, key=lambda pair: _price(*pair))
@@ -181,7 +181,7 @@ def _grown(misfits: _Misfits, best: Start, record: Record, clean: float) -> Star
             start = _refined(quickly, start, record)
             left = early(start)
         residual = exactly(start)
-        if not _pays(best_residual, residual, _more(start, best)):
+        if not pays(best_residual, residual, _more(start, best)):
             break
         best, best_residual, sought = start, residual, left
     return best if exactly is quickly else _corrected(exactly, quickly, best, record)
@@ -202,6 +202,11 @@ def _corrected(misfit: Misfit, searched: Misfit, best: Start, record: Record) ->
 
 def _sum_of(searched: Misfit, beside: Array, start: Start) -> Array:
     return searched(start) + beside
+
+
+def misfit_at(chain: Chain, part: CountedPart, start: Start) -> Array:
+    """Measurement minus model at the counted samples [m]."""
+    return part.displacement - free_run(chain, part.record, start, part.picks, part.end).displacement
 
 
 def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
@@ -276,7 +281,8 @@ def _price(start: Start, residual: Array) -> float:
     return residual.size * math.log(max(rms(residual), 1e-30)) + PRICE * len(start.prior_voltages)
 
 
-def _pays(before: Array, after: Array, reversals: int) -> bool:
+def pays(before: Array, after: Array, reversals: int) -> bool:
+    """Whether what more reversals leave is so much less that they pay for themselves [residuals, each shape (n,)]."""
     ssr_before, ssr_after = float(np.sum(before**2)), float(np.sum(after**2))
     if ssr_after <= 0.0 or ssr_before <= 0.0:
         return ssr_after < ssr_before

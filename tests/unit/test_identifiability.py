@@ -12,7 +12,7 @@ from pzt_ros.records import Record
 TIME = np.arange(0.0, 4.0, 1e-3)
 LATE = {"sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "slow_relaxation"}
 IN_LOOP = frozenset({*LATE, "sensor_nonlinearity", "strain_polarization_hysteresis"})
-SLOW = frozenset({"slow_relaxation", "thermal_drift"})
+SLOW = frozenset({"slow_relaxation", "thermal_drift", "bias_field"})
 
 
 def record(voltage: Array) -> Record:
