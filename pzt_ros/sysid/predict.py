@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,8 +88,8 @@ class Prediction:
 def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  # noqa: B008 - frozen
     """Run the chain over the whole recorded voltage and keep one part.
 
-    The past of a run that begins driven, and was not fitted, comes from the first half of the samples up to the end of
-    the part; they count in no figure.
+    What a run that was not fitted has of its own, the past of one that begins driven or the course of its drift, comes
+    from the first half of the samples up to the end of the part; they count in no figure then.
 
     Raises:
         BenchError: the part is empty, or the chain's `start:` is malformed.
@@ -114,23 +114,47 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     base, settle_time, expected = _rule_for_others(chain, record, list(known.values()))
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0", 0
-    least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
-    told = 0
-    if span.start is not None and span.start > least:
-        part = Span(None, math.nextafter(span.start, -math.inf))
-        rule = f"from the part before {span.start:.6g} s"
-    elif begins_driven(record):
-        told = max(first_half(span.of(record)[1]), min(_FEWEST_TO_SETTLE, len(record) - 1))
-        part = Span(None, math.nextafter(float(record.time[told]), -math.inf))
-        rule = f"the run begins driven: its past from what comes before {record.time[told]:.6g} s"
-    else:
-        end = max(float(record.time[0]) + settle_time, least)
-        part = Span(None, end)
-        rule = f"from the first {end - record.time[0]:.3g} s of the run"
-    counted = counted_part(record, part, _MOST_TO_SETTLE)
+    look = _look_at(record, span, settle_time, list(expected))
+    past, own = (counted_part(record, each, _MOST_TO_SETTLE) for each in (look.past, look.own))
     noise = noise_floor(record.displacement).rms
-    found = _past_of(model, counted, base, list(known.values()), noise)
-    return _with_own_values(model, counted, base, found, expected, noise), rule, told
+    found = _past_of(model, past, base, list(known.values()), noise)
+    return _with_own_values(model, own, base, found, expected, noise), look.rule, look.told
+
+
+class _Look(NamedTuple):
+    """What is looked at of a run that was not fitted.
+
+    Attributes:
+        past: for its history.
+        own: for its offset and the parameters of its own.
+        told: so many samples count in no figure for that.
+        rule: in words.
+    """
+
+    past: Span
+    own: Span
+    told: int
+    rule: str
+
+
+def _look_at(record: Record, span: Span, settle_time: float, own: Sequence[str]) -> _Look:
+    """By whether a part is asked for, the run has a past, or parameters of its own."""
+    least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
+    if span.start is not None and span.start > least:
+        before = Span(None, math.nextafter(span.start, -math.inf))
+        return _Look(before, before, 0, f"from the part before {span.start:.6g} s")
+    told = max(first_half(span.of(record)[1]), min(_FEWEST_TO_SETTLE, len(record) - 1))
+    half = Span(None, math.nextafter(float(record.time[told]), -math.inf))
+    until = f"from what comes before {record.time[told]:.6g} s"
+    if begins_driven(record):
+        return _Look(half, half, told, f"the run begins driven: its past {until}")
+    end = max(float(record.time[0]) + settle_time, least)
+    first, rule = Span(None, end), f"from the first {end - record.time[0]:.3g} s of the run"
+    if not own:
+        return _Look(first, first, 0, rule)
+    if end >= record.time[told]:
+        return _Look(half, half, told, until)
+    return _Look(first, half, told, f"{rule}, {' and '.join(own)} {until}")
 
 
 def _with_own_values(

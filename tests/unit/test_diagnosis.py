@@ -282,7 +282,7 @@ def test_a_name_that_the_drive_cannot_tell_from_another_is_a_tie() -> None:
     time = wandering.staged.runs[0].record.time
     up = Record("up", {"time_s": time, "voltage_V": np.minimum(50.0 * time, 100.0), "displacement_m": 0.0 * time})
     one_way = dataclasses.replace(wandering.staged, runs=[RunData(up, {}, NOISE)])
-    for staged, tied in ((wandering.staged, ()), (one_way, ("thermal_drift", "slow_relaxation"))):
+    for staged, tied in ((wandering.staged, ()), (one_way, ("thermal_drift", "bias_field", "slow_relaxation"))):
         before = dataclasses.replace(wandering, staged=staged)
         assert Search()._tied(Candidate("thermal_drift", before, before), []) == tied
 

@@ -19,6 +19,7 @@ from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.outcome import model_of
+from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -102,6 +103,27 @@ def test_the_second_half_is_predicted_to_the_noise() -> None:
     bare = Start(offset=found.start.offset)
     virgin, _ = _error(MODEL, INSIDE, bare)
     assert virgin > 10 * NOISE, "the past is no small matter here"
+
+
+def test_the_drift_of_a_run_is_told_by_its_first_half_and_by_no_made_up_past() -> None:
+    """A court case: a second of rest and rise; reversals made up for its drift, and the rest was 16 x the noise off."""
+    rate, warming = 4e-8, ThermalDrift(time_constant=6.0)
+    voltage = np.concatenate((np.zeros(round(0.6 * RATE)), to(110.0), np.full(round(18.0 * RATE), 110.0)))
+    time = np.arange(voltage.size) / RATE
+    drifting = Chain("drifting", (TRUE_LINK, STRAIN, dataclasses.replace(warming, rate=rate)))
+    _, out = drifting.step(drifting.init(Rest()), Signals(time=time, voltage=voltage))
+    noise = NOISE * np.random.default_rng(5).standard_normal(voltage.size)
+    record = Record("drifting", {"time_s": time, "voltage_V": voltage, "displacement_m": out.displacement + noise})
+    runs = [
+        {"sha256": name, "prior_voltage_V": [], "leg_s": 1.0, "offset_m": 0.0, "values": {"thermal_drift.rate": value}}
+        for name, value in (("one", 6e-8), ("other", -3e-8))
+    ]
+    notes = {"start": {"runs": runs, "other": {"per_run": ["thermal_drift.rate"]}}}
+    found = predict(Chain("model", (TRUE_LINK, STRAIN, warming), notes), record)
+    assert found.start.prior_voltages == ()
+    assert found.told == len(record) // 2
+    assert found.rms < 1.1 * NOISE
+    assert dict(found.start.values)["thermal_drift.rate"] == pytest.approx(rate, rel=0.02)
 
 
 def _error(chain: Chain, record: Record, start: Start) -> tuple[float, Array]:
