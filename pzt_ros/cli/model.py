@@ -151,8 +151,8 @@ def predict(
     """Free-run prediction over the recorded voltage: the measurement of the predicted part is never used.
 
     A run that the model was fitted to starts as fitted. Any other: offset and history come from the part before
-    --from, or from the first second; of a run that begins driven, so that it has a past, from its first half, and
-    the error is then that of the second.
+    --from, or from the first second. What only this run has, the past of one that begins driven or the course of its
+    drift, comes from its first half, and the error is then that of the second.
 
     Example: pzt predict run.csv --model model.yaml --from 10 --out prediction.csv
     """
