@@ -323,8 +323,8 @@ def advance(x, sums, el, work, start, end, duration):  # type: ignore[no-untyped
     collocation = el.method == COLLOCATION and climb != 0.0
     first, last = (0, 2) if collocation else (1, 1)  # at the start, in the middle, at the end of a substep
     for k in range(count):
-        begin, end = u0 + climb * ((k + 0.5 * first) / count), u0 + climb * ((k + 0.5 * last) / count)
-        moving, a, b, c, d = _find_fronts(fronts, x, el, h, min(begin, end), max(begin, end))
+        one, other = u0 + climb * ((k + 0.5 * first) / count), u0 + climb * ((k + 0.5 * last) / count)
+        moving, a, b, c, d = _find_fronts(fronts, x, el, h, min(one, other), max(one, other))
         for node in range(first, last + 1):
             u = u0 + climb * ((k + 0.5 * node) / count)
             _fill_rates(up[node][a:b], el, el.forward[a:b], 1.0, u)
