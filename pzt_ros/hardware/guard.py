@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from pzt_ros.errors import BenchError
-from pzt_ros.hardware import machine
+from pzt_ros.hardware import block_figures, machine
 from pzt_ros.hardware.amplifier import AmplifierDriver, Applied
 from pzt_ros.hardware.limits import Limits
 from pzt_ros.hardware.machine import DISABLED, ENABLED, FAULT, RAMPING, TRIPPED, SafetyMachine
@@ -53,6 +53,7 @@ class GuardedAmplifier:
     def warm_up(self) -> None:
         """Compile now what the first command would have to wait for."""
         _limit(np.zeros(2), 0.0, 0.0, 0.0, 1.0)
+        block_figures.warm_up()
         self.driver.warm_up()
 
     def opened(self) -> None:
@@ -265,9 +266,7 @@ class GuardedAmplifier:
 
     def _check(self, applied: Applied) -> None:
         """Too much current or power is a fault; so is one that is no number."""
-        with np.errstate(invalid="ignore"):  # no number times no number
-            current = float(np.max(np.abs(applied.current)))
-            power = float(np.max(np.abs(applied.voltage * applied.current)))
+        current, power = block_figures.largest(applied.voltage, applied.current)
         if not current <= self.limits.current:
             limit = 1e3 * self.limits.current
             self.trip(machine.OVER_CURRENT, f"current of {1e3 * current:.1f} mA exceeds the limit of {limit:.1f} mA")

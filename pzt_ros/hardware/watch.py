@@ -9,6 +9,7 @@ import numpy as np
 
 from pzt_ros.hardware import machine
 from pzt_ros.hardware.amplifier import Applied, Thermometer
+from pzt_ros.hardware.block_figures import Travel, travel
 from pzt_ros.hardware.guard import ENABLED, GuardedAmplifier
 from pzt_ros.physics.signals import Array
 
@@ -79,16 +80,15 @@ class Watch:
         begin = float(applied.time[0])
         if self._expects_sensor:
             self._owed.append((begin, now))
-        self._waiting.append((begin, float(applied.voltage.min()), float(applied.voltage.max())))
-        self._connected(applied)
+        went = travel(applied.voltage, applied.current, self._last_voltage)
+        self._waiting.append((begin, went.lowest, went.highest))
+        self._last_voltage = float(applied.voltage[-1])
+        self._connected(went, float(applied.time[1] - applied.time[0]))
 
-    def _connected(self, applied: Applied) -> None:
+    def _connected(self, went: Travel, period: float) -> None:
         """A stack that is there takes charge when the voltage moves."""
-        voltage, period = applied.voltage, float(applied.time[1] - applied.time[0])
-        before = voltage[0] if math.isnan(self._last_voltage) else self._last_voltage
-        self._path += abs(float(voltage[0] - before)) + float(np.abs(voltage[1:] - voltage[:-1]).sum())
-        self._charged += float(np.abs(applied.current).sum()) * period
-        self._last_voltage = float(voltage[-1])
+        self._path += went.path
+        self._charged += went.current * period
         if self._path < _OPEN_PATH:
             return
         found, limit = self._charged / self._path, self.amplifier.limits.capacitance_min
