@@ -11,6 +11,7 @@ from typing import Any
 from pzt_bringup.child import Child
 from pzt_bringup.plan import Plan, environment
 from pzt_bringup.processes import STOP_ORDER
+from pzt_ros.bags.continuity import MISSING
 from pzt_ros.ros_environment import orphaned
 
 POLL = 0.05
@@ -75,7 +76,8 @@ class Supervisor:
                     self._show(self.status())
             finally:
                 self.stop()
-        return Outcome(outcome.exit_code, outcome.sentence + self._bad_ends(outcome.sentence), self.status())
+        said = outcome.sentence + self._bad_ends(outcome.sentence) + self._gaps()
+        return Outcome(outcome.exit_code, said, self.status())
 
     def start(self) -> None:
         """Start every process of the plan."""
@@ -119,6 +121,11 @@ class Supervisor:
     def _hangs(self) -> str:
         """Processes that lived and said nothing: what the amplifier misses need not be what hangs."""
         return "".join(f"; process '{name}' hung for more than {HUNG:g} s" for name in sorted(self._hung))
+
+    def _gaps(self) -> str:
+        """What the recorder could not keep up with."""
+        missing = sum(status.get(MISSING, 0) for status in self.status().values())
+        return f"; {missing} {MISSING}, see {self.plan.log('recorder')}" if missing else ""
 
     def _bad_ends(self, said: str) -> str:
         """Processes that crashed or were killed after all, which nobody would notice otherwise; SIGTERM is ours."""

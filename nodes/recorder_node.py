@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from operator import itemgetter
 from typing import Any
@@ -10,12 +11,14 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from pzt_config.qos import QOS
-from pzt_config.topics import Topic, subscribed_by
+from pzt_config.topics import TOPICS, Topic, subscribed_by
 from pzt_nodes.graph_node import GraphNode
-from pzt_nodes.messages import TYPES
+from pzt_nodes.messages import TYPES, block_of
 from pzt_nodes.parameters import declare_text
 from pzt_nodes.spin import main as run_node
+from pzt_ros.bags.continuity import MISSING, Continuity
 from pzt_ros.bags.writer import BagWriter
+from pzt_ros.blocks import BlockError
 from pzt_ros.errors import RunFailedError
 
 DRAIN_PERIOD = 0.02
@@ -24,13 +27,16 @@ FLUSH_PERIOD = 0.5
 """What was read is handed to the system this often [s]; a crash loses no more than this. Each time makes a chunk, whose
 index stays in memory until the file ends."""
 
+WATCHED = "applied"
+"""The topic that has a block for every tick of a run, whatever the instruments are."""
+
 
 class RecorderNode(GraphNode):
     """Records from the start; `record` pauses and goes on.
 
     Its subscriptions belong to a node that no executor spins: they are read from a timer, many messages at a time,
     because waking up for each of them costs as much as all the rest of the recorder. DDS keeps them meanwhile (depth
-    1000), and says when each was sent and received.
+    4000), and says when each was sent and received.
     """
 
     def __init__(self) -> None:
@@ -44,6 +50,8 @@ class RecorderNode(GraphNode):
         self.axes = tuple(axes.split(",")) if axes else self.axes
         self._names = {self.name_on(axis, topic): topic for axis in self.axes for topic in subscribed_by("recorder")}
         self._queues = [self._listen(name, topic) for name, topic in self._names.items()]
+        watched = [topic.name == WATCHED for topic in self._names.values()]
+        self._watched = {queue[0]: Continuity() for queue, is_so in zip(self._queues, watched, strict=True) if is_so}
         self.create_service(SetBool, "record", self._on_record)
         self.create_timer(DRAIN_PERIOD, self._drain)
         self.create_timer(FLUSH_PERIOD, lambda: self._guarded(self._writer.flush))
@@ -75,6 +83,22 @@ class RecorderNode(GraphNode):
         if self._recording:
             self._guarded(self._writer.write_all, sorted(arrived, key=itemgetter(2)))
             self.ticks += len(arrived)
+            self._count_missing(arrived)
+
+    def _count_missing(self, arrived: list[tuple[int, bytes, int, int]]) -> None:
+        """A disk that stands still for longer than the queues last leaves a gap: it is said, not silent."""
+        missing = 0
+        for channel, data, _, _ in arrived:
+            if channel in self._watched:
+                with contextlib.suppress(BlockError):  # it is in the bag as it is
+                    missing += self._watched[channel].take(block_of(TOPICS[WATCHED], data))
+        if missing:
+            self.counts[MISSING] += missing
+            if self.may_complain("gaps"):
+                self.get_logger().error(
+                    f"{missing} blocks came faster than the recorder could write and are missing in the bag;"
+                    " record to a faster disk, or run in real time"
+                )
 
     def _guarded(self, call: Callable[..., None], *arguments: Any) -> None:
         """Write, unless it has failed before; the first failure is said and counted."""
@@ -90,6 +114,8 @@ class RecorderNode(GraphNode):
     def _on_record(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._drain()
         self._recording = bool(request.data)
+        for continuity in self._watched.values():
+            continuity.pause()
         response.success, response.message = not self._failed, "recording" if self._recording else "paused"
         return response
 
