@@ -27,7 +27,7 @@ class Travel(NamedTuple):
 
 
 def largest(voltage: Array, current: Array) -> tuple[float, float]:
-    """Largest current [A] and power [W], either way; no number where one of the values is none."""
+    """Largest current [A] and power [W], either way; no number where a value is none, or one array is longer."""
     found: tuple[float, float] = _largest(np.ascontiguousarray(voltage), np.ascontiguousarray(current))
     return found
 
@@ -46,6 +46,8 @@ def warm_up() -> None:
 @njit(cache=True)
 def _largest(voltage, current):  # type: ignore[no-untyped-def]
     most, power = 0.0, 0.0
+    if voltage.size != current.size:  # the compiled loops do not look where they read
+        return math.nan, math.nan
     for k in range(current.size):
         product = abs(voltage[k] * current[k])
         if math.isnan(product) or math.isnan(current[k]):
@@ -58,7 +60,7 @@ def _largest(voltage, current):  # type: ignore[no-untyped-def]
 def _travel(voltage, current, before):  # type: ignore[no-untyped-def]
     last = voltage[0] if math.isnan(before) else before
     lowest, highest, path, flowed = voltage[0], voltage[0], 0.0, 0.0
-    for k in range(voltage.size):
+    for k in range(min(voltage.size, current.size)):
         lowest, highest = min(lowest, voltage[k]), max(highest, voltage[k])
         path += abs(voltage[k] - last)
         flowed += abs(current[k])

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzt_ros.hardware.amplifier import Applied
+from pzt_ros.hardware.block_figures import largest
 from pzt_ros.hardware.guard import DISABLED, ENABLED, FAULT, RAMPING, GuardedAmplifier, Limits
 from pzt_ros.reference import block_times
 
@@ -191,6 +192,15 @@ def test_over_current_is_a_fault(current: float) -> None:
     assert bench.command(20.0) is None
     assert bench.ramp_down()[-1] == 0.0
     assert bench.guard.state == FAULT
+
+
+@pytest.mark.parametrize(
+    ("voltage", "current"),
+    [([1.0, 2.0], [0.1]), ([1.0], [0.1, 0.1]), ([0.0, 1.0], [math.inf, 0.1]), ([math.nan], [0.1])],
+)
+def test_what_is_no_figure_is_within_no_limit(voltage: list[float], current: list[float]) -> None:
+    found = largest(np.array(voltage), np.array(current))
+    assert not (found[0] <= 1e9 and found[1] <= 1e9)
 
 
 def test_current_at_the_limit_is_allowed() -> None:
