@@ -182,7 +182,7 @@ sample is that of the midpoint rule at 20 kHz.
   them do not get below {min(p.rms for p in thesis):.1e}: that is what lies beyond 3 sigma.
 - Equally probable nodes are the best of few: up to {few} of them; 16 x 16 are off by {equal[sixteen].rms:.1e} rms.
 - The lattice with a spacing of d/2 is off by {half.rms:.1e} rms ({half.largest:.1e} at most). Its
-  {half.domains:,} domains take {1e6 * half.seconds:.1f} us a sample: those on a diagonal share their rates, and few move.
+  {half.domains:,} domains take {1e6 * half.seconds:.1f} us a sample: domains on a diagonal share rates, and few move.
 
 """
     heads = ("rule", "nodes", "domains", "rms error", "largest error", "us a sample")
