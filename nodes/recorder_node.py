@@ -35,8 +35,8 @@ class RecorderNode(GraphNode):
     """Records from the start; `record` pauses and goes on.
 
     Its subscriptions belong to a node that no executor spins: they are read from a timer, many messages at a time,
-    because waking up for each of them costs as much as all the rest of the recorder. DDS keeps them meanwhile (depth
-    4000), and says when each was sent and received.
+    because waking up for each of them costs as much as all the rest of the recorder. DDS keeps them meanwhile
+    (`recorder_depth`), and says when each was sent and received.
     """
 
     def __init__(self) -> None:
@@ -50,8 +50,8 @@ class RecorderNode(GraphNode):
         self.axes = tuple(axes.split(",")) if axes else self.axes
         self._names = {self.name_on(axis, topic): topic for axis in self.axes for topic in subscribed_by("recorder")}
         self._queues = [self._listen(name, topic) for name, topic in self._names.items()]
-        watched = [topic.name == WATCHED for topic in self._names.values()]
-        self._watched = {queue[0]: Continuity() for queue, is_so in zip(self._queues, watched, strict=True) if is_so}
+        listened = zip(self._queues, self._names.values(), strict=True)
+        self._watched = {channel: Continuity() for (channel, _), topic in listened if topic.name == WATCHED}
         self.create_service(SetBool, "record", self._on_record)
         self.create_timer(DRAIN_PERIOD, self._drain)
         self.create_timer(FLUSH_PERIOD, lambda: self._guarded(self._writer.flush))

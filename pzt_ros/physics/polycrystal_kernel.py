@@ -29,6 +29,7 @@ from numba import njit
 
 from pzt_ros.physics.compiling import OUTER, WITHIN, copy_onto
 from pzt_ros.physics.kinetics import exponential, switching_rate
+from pzt_ros.physics.polycrystal_steps import collocate, fall, midpoint, rise
 from pzt_ros.physics.signals import Array
 
 MIDPOINT, COLLOCATION = 0, 1
@@ -198,54 +199,6 @@ def _find_fronts(fronts, x, el, h, lowest, highest):  # type: ignore[no-untyped-
     return count, up_from, up_to, down_from, down_to
 
 
-@njit(**WITHIN, fastmath=True)
-def _fall(r, decay):  # type: ignore[no-untyped-def]
-    """One step of domains that only switch down, in place."""
-    for j in range(r.size):
-        r[j] *= decay[j]
-
-
-@njit(**WITHIN, fastmath=True)
-def _rise(r, decay):  # type: ignore[no-untyped-def]
-    """One step of domains that only switch up, in place."""
-    for j in range(r.size):
-        r[j] = 1.0 - (1.0 - r[j]) * decay[j]
-
-
-@njit(**WITHIN, error_model="numpy", fastmath=True)
-def _midpoint(r, p, p_decay, q, q_decay):  # type: ignore[no-untyped-def]
-    """One step towards the equilibrium at mid-step, in place."""
-    for j in range(r.size):
-        xe = p[j] / (p[j] + q[j])
-        moved = xe + (r[j] - xe) * (p_decay[j] * q_decay[j])
-        r[j] = min(max(moved, 0.0), 1.0)
-
-
-@njit(**WITHIN, error_model="numpy", fastmath=True)
-def _collocation(r, h, p0, pm, p1, q0, qm, q1, p_decay, q_decay):  # type: ignore[no-untyped-def]
-    """One step with the rates at its start, middle and end, in place."""
-    for j in range(r.size):
-        s0 = p0[j] + q0[j]
-        sm = pm[j] + qm[j]
-        s1 = p1[j] + q1[j]
-        x0, xm, x1 = p0[j] / s0, pm[j] / sm, p1[j] / s1
-        clock = h / 6.0 * (s0 + 4.0 * sm + s1)
-        decay = p_decay[j] * q_decay[j]
-        # phi_2 = (exp(-clock) - 1 + clock)/clock^2: Taylor where this cancels; then phi_1 = (1 - exp(-clock))/clock
-        c = min(clock, 0.5)
-        taylor = 1 / 5040 - c * (1 / 40320 - c * (1 / 362880 - c * (1 / 3628800 - c * (1 / 39916800 - c / 479001600))))
-        taylor = 1 / 2 - c * (1 / 6 - c * (1 / 24 - c * (1 / 120 - c * (1 / 720 - c * taylor))))
-        direct = (1.0 - (1.0 - decay) / clock) / clock
-        phi2 = taylor if clock < 0.5 else direct
-        phi1 = 1.0 - clock * phi2
-        # where on the inner clock the middle of the step lies; far from 1/2 only where nothing moves
-        theta = min(max(h / 24.0 * (5.0 * s0 + 8.0 * sm - s1) / clock, 0.25), 0.75)
-        curvature = (xm - x0 - theta * (x1 - x0)) / (theta * (theta - 1.0))
-        slope = x1 - x0 - curvature
-        moved = x1 + decay * (r[j] - x0) - slope * phi1 - 2.0 * curvature * phi2
-        r[j] = min(max(moved, 0.0), 1.0)
-
-
 @njit(**WITHIN, error_model="numpy")
 def _move(x, el, fronts, count, h, collocation, up, down):  # type: ignore[no-untyped-def]
     """One step of the domains at `count` fronts, in place."""
@@ -257,18 +210,18 @@ def _move(x, el, fronts, count, h, collocation, up, down):  # type: ignore[no-un
         m = rows - 1 - i
         fallen, risen = min(begin, end), max(begin, end)
         if empty < fallen:
-            _fall(r[empty:fallen], down_decay[i + empty : i + fallen])
+            fall(r[empty:fallen], down_decay[i + empty : i + fallen])
         if begin < end:
             a, b, c, d = m + begin, m + end, i + begin, i + end
             p_decay, q_decay = up_decay[a:b], down_decay[c:d]
             if collocation:
                 p0, pm, p1 = up[0][a:b], up[1][a:b], up[2][a:b]
                 q0, qm, q1 = down[0][c:d], down[1][c:d], down[2][c:d]
-                _collocation(r[begin:end], h, p0, pm, p1, q0, qm, q1, p_decay, q_decay)
+                collocate(r[begin:end], h, p0, pm, p1, q0, qm, q1, p_decay, q_decay)
             else:
-                _midpoint(r[begin:end], up[1][a:b], p_decay, down[1][c:d], q_decay)
+                midpoint(r[begin:end], up[1][a:b], p_decay, down[1][c:d], q_decay)
         if risen < full:
-            _rise(r[risen:full], up_decay[m + risen : m + full])
+            rise(r[risen:full], up_decay[m + risen : m + full])
 
 
 @njit(**WITHIN, error_model="numpy", fastmath=True)

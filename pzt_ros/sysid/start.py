@@ -211,8 +211,7 @@ def misfit_at(chain: Chain, part: CountedPart, start: Start) -> Array:
 
 def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
     """The same history with the offset that fits the counted samples best."""
-    model = free_run(chain, part.record, replace(start, offset=0.0), part.picks, part.end)
-    return replace(start, offset=float(np.mean(part.displacement - model.displacement)))
+    return replace(start, offset=float(np.mean(misfit_at(chain, part, replace(start, offset=0.0)))))
 
 
 def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None) -> Misfit:

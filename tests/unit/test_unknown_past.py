@@ -27,7 +27,7 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.records import Record, read_csv
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms
-from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part
+from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part, telling_part
 
 NOISE = 12e-9
 MODEL_LINK = Lattice(
@@ -103,6 +103,18 @@ def test_the_second_half_is_predicted_to_the_noise() -> None:
     bare = Start(offset=found.start.offset)
     virgin, _ = _error(MODEL, INSIDE, bare)
     assert virgin > 10 * NOISE, "the past is no small matter here"
+
+
+@pytest.mark.parametrize(("cycles", "told"), [(60, 20.5), (15, 15.0)])
+def test_a_past_is_sought_where_the_drive_has_not_been_at_both_ends_many_times(cycles: int, told: float) -> None:
+    time = np.arange(0.0, cycles, 0.02)
+    voltage = 60.0 + 40.0 * np.sin(2.0 * np.pi * time)
+    record = Record("sine", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
+    part = counted_part(record, Span(), 10_000)
+    early = telling_part(part)
+    assert early.end * 0.02 == pytest.approx(told, abs=0.5)
+    assert early.picks[-1] == early.end - 1
+    assert (early is part) == (told == cycles)
 
 
 def test_the_drift_of_a_run_is_told_by_its_first_half_and_by_no_made_up_past() -> None:
