@@ -21,7 +21,7 @@ OUTSIDE: dict[str, type[Effect]] = {
     each.name: each
     for each in (
         outside.Backlash, outside.GainDrift, outside.Tone, outside.Telegraph, outside.SlowWave, outside.FringeError,
-        outside.SelfHeating,
+        outside.SelfHeating, outside.LostReadings,
     )
 }  # fmt: skip
 """Effects that no link of the library is."""

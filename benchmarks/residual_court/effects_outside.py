@@ -142,3 +142,25 @@ class SelfHeating(Effect):
         loss = (np.gradient(values, run.step) / (20 * STROKE)) ** 2
         share = np.exp(-run.step / self.shape["time_constant"])
         return values - self.amplitude * signal.lfilter([1 - share], [1, -share], loss)
+
+
+@dataclass(frozen=True)
+class LostReadings(Effect):
+    """Single readings that the sensor's interface made up: a bad contact, a lost bit."""
+
+    name = "lost_readings"
+    stage = READING
+    first = 2e-7
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Effect:
+        """See Effect."""
+        return cls(cls.first, {"share": rng.uniform(5e-4, 4e-3)})
+
+    def act(self, run: Run, values: Array) -> Array:
+        """Amplitude is the typical height [m]."""
+        rng = run.rng("lost")
+        lost = rng.random(values.size) < self.shape["share"]
+        return values + self.amplitude * lost * rng.choice((-1.0, 1.0), values.size) * rng.uniform(
+            0.5, 1.5, values.size
+        )

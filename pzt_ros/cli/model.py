@@ -177,9 +177,13 @@ def predict(
 
 
 def _load(run: Path, required: tuple[str, ...] = ("time_s", "voltage_V", "displacement_m")) -> Record:
+    from pzt_ros.sysid.spikes import told, without_spikes
+
     record = load_run(run, required)
     for warning in record.warnings:
         typer.echo(f"warning: {warning}", err=True)
+    for sentence in told(record, without_spikes(record)[1]):
+        typer.echo(f"warning: {sentence}", err=True)
     return record
 
 

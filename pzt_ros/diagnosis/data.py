@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import begins_driven, drive_of, first_half
+from pzt_ros.sysid.spikes import Spikes
 
 Picks = NDArray[np.intp]
 
@@ -31,12 +32,14 @@ class RunData:
         picks: samples of each part it has.
         noise: floor of its displacement [m].
         polarization_noise: what a misfit of the polarization is measured in [C/m^2]; 0 where it was not recorded.
+        spikes: readings that stood alone in it, by column.
     """
 
     record: Record
     picks: dict[str, Picks]
     noise: float
     polarization_noise: float = 0.0
+    spikes: Mapping[str, Spikes] = field(default_factory=dict)
 
     @cached_property
     def signals(self) -> Signals:
@@ -46,7 +49,10 @@ class RunData:
     @cached_property
     def clear(self) -> NDArray[np.bool_]:
         """Samples that a model can know."""
-        return ~lost_turns(self.record)
+        clear = ~lost_turns(self.record)
+        for spikes in self.spikes.values():
+            clear[spikes.places] = False
+        return clear
 
     @cached_property
     def begins_driven(self) -> bool:

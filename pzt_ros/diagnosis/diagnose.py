@@ -20,6 +20,7 @@ from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for
 from pzt_ros.diagnosis.intervals import note_intervals
@@ -40,6 +41,7 @@ from pzt_ros.effects.table import EFFECT_OF, reported
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thread, threads
 from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
+from pzt_ros.sysid.spikes import told
 
 _SLOW_FLOOR = 2.0
 
@@ -129,7 +131,7 @@ def _report(
         remains=remains,
         next_experiment=f"{why} {drive.sentence}" if drive else why,
         next_drive=drive,
-        remarks=(*((_SPARSE,) if sparse else ()), *(each.remark for each in blind), *_lost(runs)),
+        remarks=(*((_SPARSE,) if sparse else ()), *(each.remark for each in blind), *_lost(runs), *_spiky(runs)),
         verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
         baselines=baselines(runs),
         command=command,
@@ -158,8 +160,12 @@ _SPARSE = (
 
 def _lost(runs: Sequence[RunData]) -> list[str]:
     """Of each run with samples that do not count, how many and why."""
-    counts = {run.record.name: int(np.count_nonzero(~run.clear)) for run in runs}
+    counts = {run.record.name: int(np.count_nonzero(lost_turns(run.record))) for run in runs}
     return [_LOST_TURNS.format(name=name, count=count) for name, count in counts.items() if count]
+
+
+def _spiky(runs: Sequence[RunData]) -> list[str]:
+    return [f"{sentence}." for run in runs for sentence in told(run.record, run.spikes)]
 
 
 _LOST_TURNS = (
@@ -269,6 +275,8 @@ def _next_experiment(
         return design_between(sorted(blind[0].effects))
     if sparse:
         return _MORE_AMPLITUDES, for_amplitudes
+    if remains.only_spikes:
+        return _CONTACTS, None
     if remains.present:
         return _REPEAT, for_unexplained
     if effects:
@@ -276,6 +284,7 @@ def _next_experiment(
     return "None needed: a run at another rate and amplitude would widen the range that this holds for.", None
 
 
+_CONTACTS = "Check plugs, cables and the sensor's interface for what makes readings stand alone; then repeat a run."
 _REPEAT = "Repeat the part named above as it was; then with the drive at rest; then at another rate and amplitude."
 
 

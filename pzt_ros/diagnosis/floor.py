@@ -13,6 +13,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.noise import noise_floor, spread_of
+from pzt_ros.sysid.spikes import without_spikes
 
 _LEAST_SHARE = 1e-5  # of the span: a record without noise is still no better than this
 _SHORTEST_HOLD = 60  # samples
@@ -27,21 +28,23 @@ Stretch = tuple[Array, Array]
 
 
 def with_floors(records: Sequence[Record]) -> list[RunData]:
-    """The runs with the noise of their measurements.
+    """The runs without readings that stand alone, and with the noise of their measurements.
 
     Raises:
         BenchError: a displacement that does not move.
     """
-    floors = displacement_floors(records)
-    relative = [floor / float(np.ptp(record.displacement)) for floor, record in zip(floors, records, strict=True)]
+    looked_at = [without_spikes(record) for record in records]
+    floors = displacement_floors([record for record, _ in looked_at])
+    spans = [float(np.ptp(record.displacement)) for record, _ in looked_at]
+    relative = [floor / span for floor, span in zip(floors, spans, strict=True)]
     found = []
-    for record, floor in zip(records, floors, strict=True):
+    for (record, spikes), floor in zip(looked_at, floors, strict=True):
         polarization = record.polarization
         weight = 0.0
         if polarization is not None:
             span = float(np.ptp(polarization))
             weight = max(noise_floor(polarization).rms, max(relative) * span)
-        found.append(RunData(record, {}, floor, weight))
+        found.append(RunData(record, {}, floor, weight, spikes))
     return found
 
 

@@ -37,8 +37,9 @@ class Remains:
         rms: over all parts [m].
         times_noise: rms over the noise floor.
         slow: rms of means over 50 ms, in units of what the noise leaves of them.
-        present: whether it is more than the noise.
+        present: whether it, or readings that stand alone, are more than the noise.
         what_is_seen: in words.
+        only_spikes: whether it is only those readings.
     """
 
     rms: float
@@ -46,6 +47,7 @@ class Remains:
     slow: float
     present: bool
     what_is_seen: str
+    only_spikes: bool = False
 
 
 def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float, slow_floor: float) -> Remains:
@@ -61,8 +63,32 @@ def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float
     ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, left, strict=True)]
     slow = [_slow_ratio(run, r, colour) for run, r, colour in zip(runs, left, _colours(runs), strict=True)]
     times = math.sqrt(float(np.mean(np.square(ratios))))
-    present = max(ratios) > floor or max(slow) > slow_floor
-    return Remains(rms, times, max(slow), present, _described(runs, left, ratios) if present else "")
+    seen = [_described(runs, left, ratios)] if max(ratios) > floor or max(slow) > slow_floor else []
+    spiky = [run for run, ratio in zip(runs, ratios, strict=True) if math.hypot(ratio, _of_spikes(run)) > floor]
+    alone = _alone([run for run in spiky if run.spikes])
+    beside = [f"beside them {times:.2f} x the noise floor is left"] if alone and not seen else []
+    what_is_seen = "; ".join([*seen, *alone, *beside])
+    return Remains(rms, times, max(slow), bool(what_is_seen), what_is_seen, bool(beside))
+
+
+def _of_spikes(run: RunData) -> float:
+    """What readings that stand alone add to the rms, over the noise."""
+    spikes = run.spikes.get("displacement_m")
+    return float(np.linalg.norm(spikes.heights)) / (run.noise * math.sqrt(len(run.record))) if spikes else 0.0
+
+
+def _alone(runs: Sequence[RunData]) -> list[str]:
+    """How many readings stand alone, and which is farthest off."""
+    found = [(run, run.spikes["displacement_m"]) for run in runs if "displacement_m" in run.spikes]
+    if not found:
+        return []
+    count = sum(spikes.places.size for _, spikes in found)
+    run, spikes = max(found, key=lambda each: float(np.max(np.abs(each[1].heights))))
+    highest = int(np.argmax(np.abs(spikes.heights)))
+    off, when = abs(spikes.heights[highest]) * 1e9, run.record.time[spikes.places[highest]]
+    where = f"{Path(run.record.name).name} at {when:.4g} s"
+    alone = "reading stands alone and does" if count == 1 else "readings stand alone and do"
+    return [f"{count} {alone} not count, the farthest {off:.4g} nm off, in {where}"]
 
 
 def _slow_ratio(run: RunData, residual: Array, colour: float) -> float:

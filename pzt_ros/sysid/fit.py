@@ -23,6 +23,7 @@ from pzt_ros.sysid.problem import Problem, distinguishable
 from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, check_usable, rms
+from pzt_ros.sysid.spikes import without_spikes
 from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, first_guesses, settle, voltage_bounds, with_offset
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
@@ -57,13 +58,15 @@ class Fit:
     def fit(self, records: Sequence[Record]) -> FitResult:
         """The parameters that describe all runs together.
 
-        The history of each run is first left as free as it can be, then made as short as the data allow.
+        The history of each run is first left as free as it can be, then made as short as the data allow. Readings that
+        stand alone do not count.
 
         Raises:
             BenchError: a run that cannot be fitted, a run given twice, an unknown parameter in `free:`.
         """
         chain = without_noise(self.chain)
         free = free_parameters(self.chain)
+        records = [without_spikes(record)[0] for record in records]
         _check_runs(records, self.span, _SAMPLES_PER_PARAMETER * len(free))
         parts = [counted_part(record, self.span, self.most_samples) for record in records]
         guesses = list(zip(*self.workers.map(first_guesses, repeat(chain), parts), strict=True))

@@ -19,6 +19,7 @@ from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
+from pzt_ros.sysid.spikes import without_spikes
 from pzt_ros.sysid.start import CountedPart, counted_part, misfit_at, pays, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
@@ -89,12 +90,13 @@ def predict(chain: Chain, record: Record, span: Span = Span()) -> Prediction:  #
     """Run the chain over the whole recorded voltage and keep one part.
 
     What a run that was not fitted has of its own, the past of one that begins driven or the course of its drift, comes
-    from the first half of the samples up to the end of the part; they count in no figure then.
+    from the first half of the samples up to the end of the part; they count in no figure then. Readings that stand
+    alone count nowhere.
 
     Raises:
         BenchError: the part is empty, or the chain's `start:` is malformed.
     """
-    model = without_noise(chain)
+    model, (record, _) = without_noise(chain), without_spikes(record)
     first, after = span.of(record)
     start, rule, looked_at = _start_of(chain, model, record, span)
     told = min(max(looked_at - first, 0), after - first - 1)

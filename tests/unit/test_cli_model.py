@@ -119,6 +119,20 @@ def test_predict_states_the_error_of_the_second_half(
     assert "nm rms" in capsys.readouterr().out
 
 
+def test_lost_readings_are_said(
+    folder: Path, fit_output: dict[str, object], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = read_csv(folder / "run.csv")
+    shaken = run.displacement.copy()
+    shaken[300] = 1.0
+    write_csv(Record("lost", {**run.columns, "displacement_m": shaken}), folder / "lost.csv")
+    words = ("predict", folder / "lost.csv", "--model", folder / "model.yaml", "--out", folder / "out.csv", "--json")
+    assert pzt(monkeypatch, *words) == 0
+    said = capsys.readouterr()
+    assert "warning: lost.csv: 1 reading stands alone and does not count in displacement_m" in said.err
+    assert json.loads(said.out)["rms_m"] < 1.2 * NOISE
+
+
 def test_simulate_writes_a_row_for_each_row(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "drive.csv").write_text("time_s,voltage_V\n0,0\n5,150\n15,150\n20,-30\n")
     assert pzt(monkeypatch, "simulate", folder / "drive.csv", "--model", "thesis-p1", "--out", folder / "sim.csv") == 0

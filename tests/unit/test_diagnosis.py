@@ -201,11 +201,23 @@ def test_lag_is_answered_by_a_name_of_its_group() -> None:
     assert report.after.score < 1.15 * NOISE
 
 
-def test_hum_keeps_its_phase_to_each_run(tmp_path: Path) -> None:
-    report = diagnose([run(1, "mains_hum"), run(2, "mains_hum")], [run(3, "mains_hum")], declared())
+def with_lost_readings(record: Record) -> Record:
+    """The run with five readings of an interface that had nothing to say."""
+    shaken = record.displacement.copy()
+    shaken[np.random.default_rng(len(record)).integers(100, len(record) - 100, 5)] = -20e-6
+    return dataclasses.replace(record, columns={**record.columns, "displacement_m": shaken})
+
+
+def test_hum_keeps_its_phase_to_each_run_and_is_found_beside_lost_readings(tmp_path: Path) -> None:
+    runs = [with_lost_readings(run(seed, "mains_hum")) for seed in (1, 2, 3)]
+    report = diagnose(runs[:2], runs[2:], declared())
     assert [effect.name for effect in report.effects] == ["mains_hum"]
+    assert "Something unexplained remains: 15 readings stand alone and do not count" in report.verdict
+    assert report.remains.times_noise == pytest.approx(1.0, abs=0.05)
+    assert len(report.remarks) == 3
+    assert [entry["sha256"] for entry in report.as_data()["runs"]] == [each.sha256 for each in runs]
     report.save(tmp_path)
-    unseen = run(9, "mains_hum")
+    unseen = with_lost_readings(run(9, "mains_hum"))
     before, after = (predict(load_chain(tmp_path / f"{name}.yaml"), unseen).rms for name in ("baseline", "model"))
     assert before > 1.8 * NOISE
     assert after < 1.15 * NOISE

@@ -113,6 +113,20 @@ def test_model_file_predicts_what_the_result_predicts(fitted: FitResult, run: Re
     np.testing.assert_array_equal(predict(loaded, run).error, predict(fitted.model(), run).error)
 
 
+def test_lost_readings_change_neither_fit_nor_prediction(fitted: FitResult, run: Record) -> None:
+    lost = [150, 500, 501, 900, 1300]
+    shaken = run.displacement.copy()
+    shaken[lost] = 1e-3
+    spiky = Record("run", {**run.columns, "displacement_m": shaken})
+    again = Fit(GUESS, Span(None, 8.0)).fit([spiky])
+    assert again.runs[0].sha256 == spiky.sha256
+    for before, after in zip(fitted.estimates, again.estimates, strict=True):
+        assert after.value == pytest.approx(before.value, abs=0.3 * before.std)
+    found = predict(again.model(), spiky, Span(8.001, None))
+    assert found.rule == "as fitted to this run"
+    assert found.rms < 1.1 * NOISE
+
+
 def test_prediction_never_looks_at_the_predicted_measurement(fitted: FitResult, run: Record) -> None:
     spoilt = run.displacement.copy()
     spoilt[run.time >= 8.001] = 1.0

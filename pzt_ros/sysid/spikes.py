@@ -1,0 +1,141 @@
+"""Readings that stand alone, as a bad contact or a lost bit makes them: no motion does, and a fit must not follow them.
+
+One to three of them lie far off what was before and off what comes after, these two agree, and the drive does nothing
+of the kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pzt_ros.physics.signals import Array
+from pzt_ros.records import Record
+from pzt_ros.sysid.noise import noise_floor
+
+_UNITS = {"displacement_m": (1e9, "nm"), "polarization_C_per_m2": (1.0, "C/m^2")}  # of what is measured
+_LONGEST, _BESIDE = 3, 2  # samples, and those on either side that they are judged by
+_FAR = 5.5  # standard deviations of what such a look makes of noise
+_AROUND = 41  # samples that tell how far fast motion is off all the time
+_NORMAL = 1.4826  # standard deviation over median absolute value, for normal noise
+_BOTH = 0.5  # of that: so far it is at least off the line from either side, and at most these off each other
+_DRIVEN = 0.25  # of its share of the span: then the drive did it
+_MOST = 0.02  # of the samples: what is more frequent is noise, and stays
+_FEWEST = 64  # samples
+
+
+@dataclass(frozen=True)
+class Spikes:
+    """Readings of one column that stand alone.
+
+    Attributes:
+        places: their samples [shape (n,)].
+        heights: by how much each is off its neighbours [unit of the column, shape (n,)].
+    """
+
+    places: NDArray[np.intp]
+    heights: Array
+
+
+def without_spikes(record: Record) -> tuple[Record, dict[str, Spikes]]:
+    """The run with curves through their neighbours in place of readings that stand alone, and these, by column.
+
+    It keeps its fingerprint; one that was looked at before comes back as it is.
+    """
+    found = {}
+    if not record.fingerprint and "voltage_V" in record.columns:
+        for column in _UNITS:
+            spikes = spikes_of(record[column], record.voltage) if column in record.columns else None
+            if spikes is not None and spikes.places.size:
+                found[column] = spikes
+    if not found:
+        return record, {}
+    columns = dict(record.columns)
+    for column, spikes in found.items():
+        columns[column] = columns[column].copy()
+        columns[column][spikes.places] -= spikes.heights
+    return Record(record.name, columns, record.warnings, fingerprint=record.sha256), found
+
+
+def told(record: Record, found: Mapping[str, Spikes]) -> list[str]:
+    """Of each column with readings that stand alone, how many, and which of them is farthest off."""
+    sentences = []
+    for column, spikes in found.items():
+        (scale, unit), count = _UNITS[column], spikes.places.size
+        highest = int(np.argmax(np.abs(spikes.heights)))
+        farthest = f"{abs(spikes.heights[highest]) * scale:.3g} {unit} at {record.time[spikes.places[highest]]:.6g} s"
+        alone = "reading stands alone and does" if count == 1 else "readings stand alone and do"
+        sentences.append(f"{Path(record.name).name}: {count} {alone} not count in {column}, farthest off is {farthest}")
+    return sentences
+
+
+def spikes_of(measured: Array, drive: Array) -> Spikes:
+    """The readings of a measurement that stand alone; none where they are too many to be that.
+
+    Args:
+        measured: shape (n,).
+        drive: at the same samples [V].
+    """
+    smooth = measured.copy()
+    if measured.size >= _FEWEST and np.ptp(measured) > 0.0:
+        noise = noise_floor(measured).rms
+        for length in range(1, _LONGEST + 1):
+            inside, across = _standing_alone(smooth, drive, noise, length)
+            smooth[inside] = across
+    places = np.flatnonzero(smooth != measured)
+    if places.size > _MOST * measured.size:
+        places = places[:0]
+    return Spikes(places, (measured - smooth)[places])
+
+
+def _standing_alone(values: Array, drive: Array, noise: float, length: int) -> tuple[NDArray[np.intp], Array]:
+    """Samples of stretches of so many with both ends off, and what a curve across each says instead."""
+    seen, driven = _seen_across(values, length), _seen_across(drive, length)
+    size, sign = np.abs(seen.off), np.sign(seen.off)
+    usual = _NORMAL * ndimage.median_filter(size, size=(1, _AROUND), mode="nearest")
+    far = size > _FAR * np.maximum(usual, noise * seen.spread[:, None])
+    beyond = np.minimum(seen.off_before * sign, seen.off_after * sign) > _BOTH * size
+    agree = np.abs(seen.off_before - seen.off_after) < _BOTH * size
+    undriven = np.abs(driven.off) * float(np.ptp(values)) <= _DRIVEN * size * float(np.ptp(drive))
+    alone = far & beyond & agree & undriven
+    first = np.flatnonzero(alone[0] & alone[-1])
+    return (first + _BESIDE + np.arange(length)[:, None]).ravel(), seen.across[:, first].ravel()
+
+
+class _Across(NamedTuple):
+    """Stretches of so many samples against their two neighbours on either side [each shape (length, m)].
+
+    Attributes:
+        across: the cubic through the four.
+        off: from it; `off_before`, `off_after`: from the lines through the two before and the two after.
+        spread: of `off` for noise of unit spread [shape (length,)].
+    """
+
+    across: Array
+    off: Array
+    off_before: Array
+    off_after: Array
+    spread: Array
+
+
+def _seen_across(values: Array, length: int) -> _Across:
+    """Every stretch of so many samples; the m-th begins at sample m + _BESIDE."""
+    windows = np.lib.stride_tricks.sliding_window_view(values, length + 2 * _BESIDE).T
+    before, inside, after = np.split(windows, [_BESIDE, _BESIDE + length])
+    place = np.arange(length)[:, None]
+    nodes = np.array([-2.0, -1.0, length, length + 1.0])
+    weights = np.stack([np.prod([(place[:, 0] - b) / (a - b) for b in nodes if b != a], axis=0) for a in nodes], axis=1)
+    across = weights @ np.concatenate((before, after))
+    return _Across(
+        across,
+        inside - across,
+        inside - (before[1] + (place + 1) * (before[1] - before[0])),
+        inside - (after[0] + (length - place) * (after[0] - after[1])),
+        np.sqrt(1.0 + np.sum(weights**2, axis=1)),
+    )
