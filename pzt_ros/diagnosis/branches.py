@@ -41,6 +41,14 @@ class Branch:
         """Where it ended."""
         return self.steps[-1].after if self.steps else self.base
 
+    def without_names(self, but: str) -> Branch:
+        """The same with every name taken back, and why."""
+        steps = [
+            dataclasses.replace(step, before=self.base, accepted=(), tied=(), verdict=f"{step.verdict}, but {but}")
+            for step in self.steps
+        ]
+        return dataclasses.replace(self, steps=tuple(steps))
+
     def explains(self, asked: Thresholds) -> bool:
         """Whether nothing is left that would have to be explained."""
         return Search(asked).explains(self.steps, self.base)
@@ -168,12 +176,9 @@ def _trusted(branch: Branch, asked: Thresholds) -> Branch:
     if _may_be_named(branch, asked):
         return branch
     left = branch.final.fit.ratio
-    but = f", but {left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
-    steps = [
-        dataclasses.replace(step, before=branch.base, accepted=(), tied=(), verdict=step.verdict + but)
-        for step in branch.steps
-    ]
-    return dataclasses.replace(branch, steps=tuple(steps))
+    return branch.without_names(
+        f"{left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
+    )
 
 
 def _may_be_named(branch: Branch, asked: Thresholds) -> bool:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from contextlib import nullcontext
 from itertools import repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.branches import Branch, branches_of, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.checks import check_runs
-from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.data import SCORE, RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.gaps import lost_turns
@@ -84,7 +84,7 @@ def diagnose(
         chosen = chosen_of(branches, asked)
         progress("predicting")
         report = _report(runs, len(train), branches, chosen, asked, command, pool)
-    if profile and chosen.final.effects:
+    if profile and report.effects:
         progress(f"intervals of {', '.join(chosen.final.effects)}")
         note_intervals(report, chosen.final)
     return dataclasses.replace(report, seconds=time.monotonic() - began)
@@ -99,11 +99,9 @@ def _report(
     command: str,
     workers: Workers,
 ) -> Report:
-    ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
-    fits = list(workers.map(_last_fit, ends, repeat(chosen.density)))
-    baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
-    errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
-    before, after = errors[0], errors[-1]
+    reached = _reached(runs, chosen, asked, command, workers)
+    branches = [reached.branch if branch is chosen else branch for branch in branches]
+    chosen, before, after = reached.branch, reached.before, reached.after
     blind = alike_by_design([run.record for run in runs])
     tied = tuple(tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied)
     if chosen.density == "identified" and not (tied or chosen.final.effects):
@@ -113,7 +111,7 @@ def _report(
     sparse = _is_sparse(chosen, asked) and remains.present
     if sparse:
         remains = dataclasses.replace(remains, present=False)
-    effects = _found(chosen, runs, (before, after), model, command)
+    effects = _found(chosen, runs, (before, after), reached.model, command)
     why, design = _next_experiment(effects, tied, remains, sparse, blind)
     drive = designed(design, _bench(chosen, runs), why) if design else None
     return Report(
@@ -123,19 +121,51 @@ def _report(
         base=_base_as_data(chosen),
         before=before,
         after=after,
-        baseline=baseline,
-        model=model,
+        baseline=reached.baseline,
+        model=reached.model,
         effects=effects,
         tried=tuple(_tried(branches)),
         not_identifiable=tied,
         remains=remains,
         next_experiment=f"{why} {drive.sentence}" if drive else why,
         next_drive=drive,
-        remarks=(*((_SPARSE,) if sparse else ()), *(each.remark for each in blind), *_lost(runs), *_spiky(runs)),
+        remarks=(
+            *reached.remarks,
+            *((_SPARSE,) if sparse else ()),
+            *(each.remark for each in blind),
+            *_lost(runs),
+            *_spiky(runs),
+        ),
         verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
         baselines=baselines(runs),
         command=command,
     )
+
+
+class _Reached(NamedTuple):
+    """Where a diagnosis ends: the names that hold, the chains without and with them, how well these predict."""
+
+    branch: Branch
+    baseline: Chain
+    model: Chain
+    before: Errors
+    after: Errors
+    remarks: tuple[str, ...]
+
+
+def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers) -> _Reached:
+    """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go."""
+    ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
+    fits = list(workers.map(_last_fit, ends, repeat(chosen.density)))
+    baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
+    errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
+    before, after = errors[0], errors[-1]
+    tested = any(SCORE in run.picks for run in runs)
+    if not tested or after.score <= asked.worsens * before.score:
+        return _Reached(chosen, baseline, model, before, after, ())
+    remark = _WORSE.format(before=before.score * 1e9, after=after.score * 1e9)
+    nameless = chosen.without_names("it makes the prediction of what scores worse")
+    return _Reached(nameless, baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
 
 def _last_fit(found: Hypothesis, density: str) -> Hypothesis:
@@ -152,6 +182,10 @@ def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
     return chosen.density == "identified" and final.fit.ratio <= asked.floor < final.selection.ratio
 
 
+_WORSE = (
+    "What explains most of the misfit where the model was fitted and chosen makes its prediction of the rest worse,"
+    " {after:.4g} nm rms instead of {before:.4g}: so it is not named."
+)
 _SPARSE = (
     "The identified density describes the train runs down to the noise, but not the test runs: it is not determined"
     " where those go. That asks for runs at more amplitudes and offsets, not for an effect."

@@ -60,6 +60,7 @@ class Thresholds:
         flexible_finish: as `finish_share`: a refit is all but done after its first steps there.
         informed_share: of the excess where it was fitted, and of what a density leaves that was fitted to what chose,
             too, from which an effect is named that explains less where it was not fitted.
+        worsens: rms on what scores, over that without any name, from which all names are taken back.
         flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
@@ -106,6 +107,7 @@ class Thresholds:
     flexible_share: float = 0.6
     flexible_size: float = 0.4
     informed_share: float = math.inf
+    worsens: float = 1.02
     flexible_remains: float = 1.10
     flexible_hopeless: float = 8.0
     flexible_finish: float = 0.25

@@ -201,6 +201,27 @@ def test_lag_is_answered_by_a_name_of_its_group() -> None:
     assert report.after.score < 1.15 * NOISE
 
 
+def test_names_that_make_the_prediction_of_what_scores_worse_are_taken_back() -> None:
+    """What was there in the fitted run and in the half that chooses is gone in the half that scores."""
+    hums, quiet = run(3, "mains_hum"), run(3)
+    half = len(hums) // 2
+    changed = np.concatenate((hums.displacement[:half], quiet.displacement[half:]))
+    report = diagnose(
+        [run(1, "mains_hum")],
+        [dataclasses.replace(hums, columns={**hums.columns, "displacement_m": changed})],
+        declared(),
+    )
+    assert (report.effects, report.not_identifiable) == ((), ())
+    assert report.after is report.before
+    assert report.after.score < 1.1 * NOISE < report.before.train
+    assert "makes its prediction of the rest worse" in report.remarks[0]
+    assert report.model.links == report.baseline.links
+    (hum,) = [each for each in report.tried if each.name == "mains_hum" and each.step == 1]
+    assert not hum.accepted
+    assert "but it makes the prediction of what scores worse" in hum.why
+    assert report.remains.present
+
+
 def with_lost_readings(record: Record) -> Record:
     """The run with five readings of an interface that had nothing to say."""
     shaken = record.displacement.copy()
