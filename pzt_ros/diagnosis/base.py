@@ -13,6 +13,7 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.histories import with_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Progress, Staged
+from pzt_ros.diagnosis.strain_laws import coordinates_of
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
@@ -22,6 +23,7 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.physics.surrogate import ACCURACY, surrogate_of
 from pzt_ros.sysid.parameters import free_parameters, without_noise
 from pzt_ros.sysid.run import Start
@@ -56,9 +58,18 @@ def default_chain(runs: Sequence[RunData]) -> Chain:
         domain_volume=1e-22 * (1.5e6 / field),
         layer_thickness=_THICKNESS,
     )
-    coefficient = motion / _ACTIVE_LENGTH / ceramic.domain_polarization**2
-    links = (ceramic, Electrostriction(coefficient=coefficient, active_length=_ACTIVE_LENGTH))
-    return Chain("default", links, {"description": "Gaussian polycrystal and electrostriction, scaled to the runs"})
+    quadratic = motion / ceramic.domain_polarization**2
+    law: Link = Electrostriction(coefficient=quadratic / _ACTIVE_LENGTH, active_length=_ACTIVE_LENGTH)
+    if _falls(runs):
+        law = StrainLaw(quadratic=-quadratic)
+    return Chain(
+        "default", (ceramic, law), {"description": "Gaussian polycrystal and electrostriction, scaled to the runs"}
+    )
+
+
+def _falls(runs: Sequence[RunData]) -> bool:
+    """Whether the reading falls as the stage extends, to either polarity, as that of a gap does."""
+    return sum(float(np.cov(run.record.voltage**2, run.record.displacement)[0, 1]) for run in runs) < 0.0
 
 
 def fit_declared(
@@ -136,8 +147,14 @@ def _coordinates(chain: Chain, runs: Sequence[RunData]) -> list[tuple[Link, Coor
         if parameter.field == _SCALE and not named and not with_polarization:
             continue
         if float(getattr(link, parameter.field)) != 0.0 or named:
-            found.append((link, coordinate(link, parameter.field)))
+            found.append((link, _coordinate(link, parameter.field)))
     return found
+
+
+def _coordinate(link: Link, field: str) -> Coordinate:
+    """Of a parameter; those of a strain law move in proportion to what it does."""
+    powers = {each.field: each for each in coordinates_of(link)} if isinstance(link, StrainLaw) else {}
+    return powers[field] if field in powers else coordinate(link, field)
 
 
 def _within_sight(link: Link, each: Coordinate, runs: Sequence[RunData]) -> Coordinate:

@@ -13,16 +13,19 @@ from typing import Any
 
 import numpy as np
 
+from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Hysteresis, Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
+from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.physics.strain_hysteresis import StrainHysteresis
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.sysid.identified_fit import IdentifiedFit, IdentifiedResult
 from pzt_ros.sysid.identified_problem import MeasuredRun
@@ -124,14 +127,22 @@ def _with_law(declared: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult
 def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:
     """A ceramic and a law, free up to an order, beside what else the declared chain has; where its fit may start."""
     placeholder = ceramic.link(ceramic.start)
-    coordinates = coordinates_of(law)[:order]
-    kept = tuple(each for each in declared.staged.coordinates if each.kind != Electrostriction.kind)
+    values = zip(declared.staged.coordinates, declared.vector[declared.staged.ceramic.start.size :], strict=True)
+    kept = [(each, value) for each, value in values if each.kind not in _LAWS]
     chain = declared.staged.chain_at(declared.vector)
-    replaced = chain.with_links(lambda link: _replaced(link, placeholder, law))
-    staged = replace(declared.staged, chain=replaced, ceramic=ceramic, coordinates=(*coordinates, *kept))
+    links = tuple(new for link in chain.links for new in _instead(link, placeholder, law))
+    leads = [link for link in links if link.kind == StrainPolarizationHysteresis.kind and link not in chain.links]
+    lead = [coordinate(link, field) for link in leads for field in ("polarization_lead", "turn_width")]
+    own = (*coordinates_of(law)[:order], *lead)
+    staged = replace(
+        declared.staged,
+        chain=replace(chain, links=links),
+        ceramic=ceramic,
+        coordinates=(*own, *(each for each, _ in kept)),
+    )
     start = staged.start
     if kept:
-        start[-len(kept) :] = declared.vector[-len(kept) :]
+        start[-len(kept) :] = [value for _, value in kept]
     return staged, start
 
 
@@ -164,7 +175,14 @@ def _choosing(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
     )
 
 
-def _replaced(link: Link, ceramic: Link, law: StrainLaw) -> Link:
+def _instead(link: Link, ceramic: Link, law: StrainLaw) -> tuple[Link, ...]:
+    """What stands for a declared link; the lead of a declared hysteresis of the strain stays."""
     if isinstance(link, Ferroelectric):
-        return ceramic
-    return law if isinstance(link, Electrostriction) else link
+        return (ceramic,)
+    if isinstance(link, StrainHysteresis) and link.polarization_lead > 0.0:
+        lead = StrainPolarizationHysteresis(polarization_lead=link.polarization_lead, turn_width=link.turn_width)
+        return lead, law
+    return (law,) if link.kind in _LAWS else (link,)
+
+
+_LAWS = (Electrostriction.kind, StrainHysteresis.kind, StrainLaw.kind)
