@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,7 @@ _WIDE, _LOOSE = 0.5, 1e-3  # thermal widths between domains, error of x+: of wha
 _WIDEST = 10.0  # thermal widths between domains
 _COARSEST = 1e-2  # error of x+ on slow ramps
 _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 2 s
+_FEW_MORE = 4.0  # times that: what a narrow spread may ask for
 _MOST_WIDE_DOMAINS = 8_000  # of one that takes the front model's place: spreads that ran away would make it far slower
 
 
@@ -264,14 +265,34 @@ def _affordable(link: Ferroelectric, most: int) -> Ferroelectric:
     """A lattice with fewer domains and longer substeps where there would be too many to wait for.
 
     Records that do not tell the thermal width, one hold or one sine, let it shrink. The domains grow with its inverse
-    square, the substeps with its inverse: each sample then takes many.
+    square, the substeps with its inverse: each sample then takes many. Nor do they tell a spread far below the other,
+    which no spacing may pass over: where that alone asks for too many, it is made wider.
     """
     if not isinstance(link, Lattice) or link.threshold_density is not None:
         return link
-    wide = [density.support(link.cut) for density in (link.coercive, link.interaction) if density.spread > 0]
-    excess = math.prod((high - low) / link.field_spacing for low, high in wide) / most
+    link = _not_too_narrow(link, _FEW_MORE * most)
+    excess = _domains(link) / most
     if excess <= 1.0:
         return link
-    spacing = link.field_spacing / link.thermal_width * excess ** (1.0 / len(wide))
+    wide = sum(density.spread > 0 for density in (link.coercive, link.interaction))
+    spacing = link.field_spacing / link.thermal_width * excess ** (1.0 / max(wide, 1))
     accuracy = max(link.accuracy, min(excess * link.accuracy, _COARSEST))  # a substep goes with the root of it
-    return dataclasses.replace(link, spacing=min(spacing, _WIDEST), accuracy=accuracy)
+    return dataclasses.replace(link, spacing=max(link.spacing, min(spacing, _WIDEST)), accuracy=accuracy)
+
+
+def _not_too_narrow(link: Lattice, most: float) -> Lattice:
+    """With a spread that is far below thermal activation no narrower than so many domains can follow."""
+    spread = {"coercive_field_spread": link.coercive.spread, "interaction_field_spread": link.interaction.spread}
+    narrower = min(spread, key=lambda field: spread[field])
+    needless = link.spacing * link.thermal_width / link.field_spacing  # times closer than thermal activation asks
+    widening = min(_domains(link) / most, needless)
+    if widening <= 1.0 or spread[narrower] == 0.0:
+        return link
+    widened: dict[str, Any] = {narrower: spread[narrower] * widening**2}
+    return dataclasses.replace(link, **widened)
+
+
+def _domains(link: Lattice) -> float:
+    """How many a lattice has."""
+    wide = [density.support(link.cut) for density in (link.coercive, link.interaction) if density.spread > 0]
+    return math.prod((high - low) / link.field_spacing for low, high in wide)

@@ -15,6 +15,7 @@ from pzt_ros.diagnosis.data import FIT, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis, _Exact
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.staged import Staged
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.surrogate import surrogate_of
@@ -54,6 +55,25 @@ def test_a_lattice_as_declared_is_left_alone() -> None:
     link = lattice()
     ceramic = searched(link)
     assert ceramic.link(ceramic.start) == link
+
+
+def test_a_narrow_spread_beside_a_wide_one_does_not_take_millions_of_domains() -> None:
+    """A measured run, PICMA as it was recorded, ended in an error of the lattice.
+
+    Far below the thermal width d all spreads are alike: a twentieth of d is resolved as it is.
+    """
+    wide = dataclasses.replace(lattice(), coercive_field_spread=2e12, interaction_field_spread=200.0)
+    with pytest.raises(BenchError, match="domains"):
+        wide.nodes()
+    ceramic = searched(wide)
+    link = ceramic.link(ceramic.start)
+    assert isinstance(link, Lattice)
+    assert link.coercive_field_spread == wide.coercive_field_spread
+    assert link.interaction_field_spread < (0.2 * link.thermal_width) ** 2
+    assert domains(link) <= 1.1 * declared._FEW_MORE * declared._MOST_DOMAINS
+    resolved = dataclasses.replace(wide, interaction_field_spread=2.0 * (0.05 * wide.thermal_width) ** 2)
+    expected = polarization(resolved)
+    assert np.max(np.abs(polarization(link) - expected)) < 2e-3 * np.ptp(expected)
 
 
 def test_domains_are_no_more_than_can_be_waited_for() -> None:
