@@ -176,8 +176,9 @@ def _trusted(branch: Branch, asked: Thresholds) -> Branch:
     if _may_be_named(branch, asked):
         return branch
     left = branch.final.fit.ratio
+    unchecked = "" if branch.final.choosing else " without a test run"
     return branch.without_names(
-        f"{left:.1f} x the noise is left in the end: with so much unexplained no name is to be trusted"
+        f"{left:.2g} x the noise is left in the end: with so much unexplained no name is to be trusted{unchecked}"
     )
 
 
@@ -188,4 +189,6 @@ def _may_be_named(branch: Branch, asked: Thresholds) -> bool:
     if left > (asked.rateless_nameable if knows_no_rate else asked.nameable):
         return False
     alone = any(step.accepted and not step.tied for step in branch.steps)
+    if alone and not branch.final.choosing and left > asked.unchecked_nameable:
+        return False
     return left <= asked.doubtful or not alone or share_of(branch.base, branch.final) >= asked.pair_share

@@ -29,6 +29,7 @@ class Thresholds:
         whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
         nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
             base lacks something else, and an effect may only stand in for it.
+        unchecked_nameable: the same for names that stand alone where no run says whether they hold beyond the fit.
         doubtful: the same for names that together explain less than `pair_share` of the excess.
         rateless_nameable: the same on a base that knows no rate: hysteresis beside it may stand for one that it lacks.
         hopeless: the same that the screen may promise to leave of an effect for a refit; of two at once `nameable`.
@@ -82,6 +83,7 @@ class Thresholds:
     whole: float = 0.9
     near_floor: float = 1.15
     nameable: float = 4.0
+    unchecked_nameable: float = 1.15
     doubtful: float = 1.5
     rateless_nameable: float = 1.5
     hopeless: float = math.inf

@@ -528,7 +528,12 @@ def misfitting(fit: float, selection: float) -> Any:
     parts = [Misfit(1000.0 * ratio**2, 1000, 1000.0) for ratio in (fit, selection)]
     total = fit**2 + selection**2
     return SimpleNamespace(
-        fit=parts[0], selection=parts[1], ratios=[fit, selection], total=total, excess=max(total - 2.0, 1e-4)
+        fit=parts[0],
+        selection=parts[1],
+        ratios=[fit, selection],
+        total=total,
+        excess=max(total - 2.0, 1e-4),
+        choosing=[1],
     )
 
 
@@ -855,6 +860,20 @@ def test_a_drift_has_values_of_its_own_in_each_run_only_where_the_temperature_do
     outdone = [each.why for each in report.tried if each.name == "thermal_drift" and not each.accepted]
     assert all("thermal_expansion explains as much with fewer unknowns" in why for why in outdone)
     assert len(outdone) == (link == "thermal_expansion")
+
+
+@pytest.mark.parametrize(("left", "tied", "named"), [(1.1, (), True), (1.29, (), False), (1.29, ("a", "b"), True)])
+def test_without_a_test_run_no_name_stands_beside_what_is_left(left: float, tied: tuple[str, ...], named: bool) -> None:
+    """A measured run: a bender that rings after switch-on, as no single mode does, was a mode with 1.29 x left."""
+    base, after = misfitting(1.9, 1.9), misfitting(left, left)
+    base.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False))
+    found = Candidate("mechanical_resonance", base, after)
+    branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), tied, ""),))
+    for tested, trusted in ((True, True), (False, named)):
+        after.choosing = [1] if tested else []
+        step = _trusted(branch, Thresholds()).steps[0]
+        assert bool(step.accepted) is trusted
+        assert ("without a test run" in step.verdict) is not trusted
 
 
 @pytest.mark.parametrize(("left", "tied", "named"), [(1.4, (), True), (2.0, (), False), (2.0, ("a", "b"), True)])
