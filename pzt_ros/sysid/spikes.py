@@ -22,6 +22,7 @@ from pzt_ros.sysid.noise import noise_floor
 _UNITS = {"displacement_m": (1e9, "nm"), "polarization_C_per_m2": (1.0, "C/m^2")}  # of what is measured
 _LONGEST, _BESIDE = 3, 2  # samples, and those on either side that they are judged by
 _FAR = 5.5  # standard deviations of what such a look makes of noise
+_LEAST = 1e-5  # of the span: where a simulated reading has no noise, its last digits stand alone
 _AROUND = 41  # samples that tell how far fast motion is off all the time
 _NORMAL = 1.4826  # standard deviation over median absolute value, for normal noise
 _BOTH = 0.5  # of that: so far it is at least off the line from either side, and at most these off each other
@@ -84,7 +85,7 @@ def spikes_of(measured: Array, drive: Array) -> Spikes:
     """
     smooth = measured.copy()
     if measured.size >= _FEWEST and np.ptp(measured) > 0.0:
-        noise = noise_floor(measured).rms
+        noise = max(noise_floor(measured).rms, _LEAST * float(np.ptp(measured)))
         for length in range(1, _LONGEST + 1):
             inside, across = _standing_alone(smooth, drive, noise, length)
             smooth[inside] = across

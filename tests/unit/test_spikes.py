@@ -93,6 +93,14 @@ def test_what_the_drive_does_for_one_sample_is_no_spike() -> None:
     assert spikes_of(1e-7 * voltage + noise(), triangle()).places.tolist() == [5000]
 
 
+def test_the_last_digits_of_a_simulated_reading_are_no_spikes() -> None:
+    rough = 1e-7 * triangle()
+    rough[[3000, 7001]] += 5e-10
+    assert spikes_of(rough, triangle()).places.size == 0
+    rough[5100] += 5e-9
+    assert spikes_of(rough, triangle()).places.tolist() == [5100]
+
+
 def test_what_comes_too_often_is_noise() -> None:
     shaken = 1e-7 * triangle() + noise()
     shaken[10:-10:20] += 1e-6
