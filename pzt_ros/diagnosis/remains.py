@@ -18,6 +18,7 @@ from pzt_ros.diagnosis.lines import FEWEST, strongest
 from pzt_ros.diagnosis.views import centred
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.noise import spread_of
+from pzt_ros.sysid.spikes import not_counted
 
 _signal: Any = scipy_signal  # SciPy carries no types
 
@@ -87,8 +88,7 @@ def _alone(runs: Sequence[RunData]) -> list[str]:
     highest = int(np.argmax(np.abs(spikes.heights)))
     off, when = abs(spikes.heights[highest]) * 1e9, run.record.time[spikes.places[highest]]
     where = f"{Path(run.record.name).name} at {when:.4g} s"
-    alone = "reading stands alone and does" if count == 1 else "readings stand alone and do"
-    return [f"{count} {alone} not count, the farthest {off:.4g} nm off, in {where}"]
+    return [f"{not_counted(count)}, the farthest {off:.4g} nm off, in {where}"]
 
 
 def _slow_ratio(run: RunData, residual: Array, colour: float) -> float:

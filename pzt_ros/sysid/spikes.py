@@ -71,9 +71,13 @@ def told(record: Record, found: Mapping[str, Spikes]) -> list[str]:
         (scale, unit), count = _UNITS[column], spikes.places.size
         highest = int(np.argmax(np.abs(spikes.heights)))
         farthest = f"{abs(spikes.heights[highest]) * scale:.3g} {unit} at {record.time[spikes.places[highest]]:.6g} s"
-        alone = "reading stands alone and does" if count == 1 else "readings stand alone and do"
-        sentences.append(f"{Path(record.name).name}: {count} {alone} not count in {column}, farthest off is {farthest}")
+        sentences.append(f"{Path(record.name).name}: {not_counted(count)} in {column}, farthest off is {farthest}")
     return sentences
+
+
+def not_counted(count: int) -> str:
+    """So many readings, in words."""
+    return f"{count} {'reading stands alone and does' if count == 1 else 'readings stand alone and do'} not count"
 
 
 def spikes_of(measured: Array, drive: Array) -> Spikes:
