@@ -6,7 +6,7 @@ of the kind.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -47,21 +47,34 @@ class Spikes:
 def without_spikes(record: Record) -> tuple[Record, dict[str, Spikes]]:
     """The run with curves through their neighbours in place of readings that stand alone, and these, by column.
 
-    It keeps its fingerprint; one that was looked at before comes back as it is.
+    Where a row was lost as a whole, all zeros, the voltage is mended, too. The run keeps its fingerprint; one that was
+    looked at before comes back as it is.
     """
-    found = {}
-    if not record.fingerprint and "voltage_V" in record.columns:
-        for column in _UNITS:
-            spikes = spikes_of(record[column], record.voltage) if column in record.columns else None
-            if spikes is not None and spikes.places.size:
-                found[column] = spikes
+    if record.fingerprint or "voltage_V" not in record.columns:
+        return record, {}
+    measured = {column: record[column] for column in _UNITS if column in record.columns}
+    drive = _without_lost_rows(record.voltage, list(measured.values()))
+    looked_at = {column: spikes_of(values, drive) for column, values in measured.items()}
+    found = {column: spikes for column, spikes in looked_at.items() if spikes.places.size}
     if not found:
         return record, {}
-    columns = dict(record.columns)
+    columns = {**record.columns, "voltage_V": record.voltage.copy()}
     for column, spikes in found.items():
         columns[column] = columns[column].copy()
         columns[column][spikes.places] -= spikes.heights
+        columns["voltage_V"][spikes.places] = drive[spikes.places]
     return Record(record.name, columns, record.warnings, fingerprint=record.sha256), found
+
+
+def _without_lost_rows(voltage: Array, measured: Sequence[Array]) -> Array:
+    """The voltage, straight across rows that are all zeros and no more than stand alone together."""
+    lost = np.all([values == 0.0 for values in (voltage, *measured)], axis=0) if measured else np.zeros(0, dtype=bool)
+    if not np.any(lost) or np.all(lost):
+        return voltage
+    lost &= ~ndimage.binary_opening(lost, np.ones(_LONGEST + 1, dtype=bool))
+    place, mended = np.arange(voltage.size), voltage.copy()
+    mended[lost] = np.interp(place[lost], place[~lost], voltage[~lost])
+    return mended
 
 
 def told(record: Record, found: Mapping[str, Spikes]) -> list[str]:

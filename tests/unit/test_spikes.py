@@ -101,6 +101,23 @@ def test_the_last_digits_of_a_simulated_reading_are_no_spikes() -> None:
     assert spikes_of(rough, triangle()).places.tolist() == [5100]
 
 
+def test_a_row_that_was_lost_as_a_whole_is_mended_as_a_whole() -> None:
+    clean, voltage = 1e-7 * triangle() + 3e-6 + noise(), triangle()
+    shaken = clean.copy()
+    for place in (4300, 7150, 7151):
+        shaken[place] = voltage[place] = 0.0
+    mended, found = without_spikes(record(shaken, voltage))
+    assert found["displacement_m"].places.tolist() == [4300, 7150, 7151]
+    assert mended.voltage == pytest.approx(triangle(), abs=1e-9)
+    assert mended.displacement == pytest.approx(clean, abs=120e-9)
+
+
+def test_what_is_zero_for_longer_was_so() -> None:
+    voltage = np.where((TIME > 5.0) & (TIME < 5.01), 0.0, triangle() + 20.0)
+    run = record(1e-7 * voltage, voltage)
+    assert without_spikes(run) == (run, {})
+
+
 def test_what_comes_too_often_is_noise() -> None:
     shaken = 1e-7 * triangle() + noise()
     shaken[10:-10:20] += 1e-6
