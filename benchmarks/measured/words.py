@@ -29,8 +29,9 @@ relaxation time in the base, which is why `pzt diagnose` finds nothing to name. 
 at 0.2 and at 5 Hz. A delay stays as long as it is, a relaxation of 10 ms has gone at 0.2 Hz.""",
     "afm": """No effect of the library explains what is left, on sines and triangles alike. Some readings stand
 alone, 35 of 4,824, off by 180 to 380 nm: as much as the axis moves from one sample to the next, and against its way,
-so they look like sensor frames that came one sample late. They count nowhere; more of them are too small to be told
-from the noise. The rest is slow. The time axis is estimated, so nothing can be said of rates.""",
+so they look like sensor frames that came one sample late. They count nowhere. The picture shows more of them, up to
+350 nm off where several come together: there the noise about them hides them from the rule, and they stay in all
+figures. The rest is slow. The time axis is estimated, so nothing can be said of rates.""",
     "bender": """On steady cycles nothing is left that deserves a name. With one amplitude and one frequency, a lag or
 a relaxation of some ms is hidden in the fitted relaxation time and cannot be told from it. The declared base, strain
 in proportion to P² of a ceramic that was not poled, cannot move to both sides: its row says so and no more.""",

@@ -161,6 +161,5 @@ class LostReadings(Effect):
         """Amplitude is the typical height [m]."""
         rng = run.rng("lost")
         lost = rng.random(values.size) < self.shape["share"]
-        return values + self.amplitude * lost * rng.choice((-1.0, 1.0), values.size) * rng.uniform(
-            0.5, 1.5, values.size
-        )
+        heights = rng.choice((-1.0, 1.0), values.size) * rng.uniform(0.5, 1.5, values.size)
+        return values + self.amplitude * lost * heights

@@ -179,11 +179,9 @@ def predict(
 def _load(run: Path, required: tuple[str, ...] = ("time_s", "voltage_V", "displacement_m")) -> Record:
     from pzt_ros.sysid.spikes import told, without_spikes
 
-    record = load_run(run, required)
-    for warning in record.warnings:
+    record, spikes = without_spikes(load_run(run, required))
+    for warning in (*record.warnings, *told(record, spikes)):
         typer.echo(f"warning: {warning}", err=True)
-    for sentence in told(record, without_spikes(record)[1]):
-        typer.echo(f"warning: {sentence}", err=True)
     return record
 
 

@@ -84,11 +84,9 @@ def _alone(runs: Sequence[RunData]) -> list[str]:
     if not found:
         return []
     count = sum(spikes.places.size for _, spikes in found)
-    run, spikes = max(found, key=lambda each: float(np.max(np.abs(each[1].heights))))
-    highest = int(np.argmax(np.abs(spikes.heights)))
-    off, when = abs(spikes.heights[highest]) * 1e9, run.record.time[spikes.places[highest]]
-    where = f"{Path(run.record.name).name} at {when:.4g} s"
-    return [f"{not_counted(count)}, the farthest {off:.4g} nm off, in {where}"]
+    run, (place, height) = max(((run, spikes.farthest) for run, spikes in found), key=lambda each: each[1][1])
+    where = f"{Path(run.record.name).name} at {run.record.time[place]:.4g} s"
+    return [f"{not_counted(count)}, the farthest {height * 1e9:.4g} nm off, in {where}"]
 
 
 def _slow_ratio(run: RunData, residual: Array, colour: float) -> float:

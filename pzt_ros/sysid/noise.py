@@ -10,7 +10,9 @@ import numpy as np
 
 from pzt_ros.physics.signals import Array
 
-_NORMAL = 1.4826  # standard deviation over median absolute value, for normal noise
+NORMAL = 1.4826
+"""Standard deviation over median absolute value, for normal noise."""
+
 _TRIM = 3.0  # standard deviations from which a third difference counts as an outlier
 _LEFT = 0.97334  # of a normal variance within three standard deviations
 _TRIMS = 4
@@ -76,7 +78,7 @@ def spread_of(stretches: Sequence[Array], parts: int | None = None) -> float:
     if not stretches:
         return 0.0
     sizes = np.abs(np.concatenate([_differences(s, s.size // parts if parts else 1) for s in stretches]))
-    scale = float(_NORMAL * np.median(sizes))
+    scale = float(NORMAL * np.median(sizes))
     for _ in range(_TRIMS):
         kept = sizes[sizes <= _TRIM * scale]
         if not kept.size or scale == 0.0:

@@ -17,14 +17,13 @@ from scipy import ndimage
 
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
-from pzt_ros.sysid.noise import noise_floor
+from pzt_ros.sysid.noise import NORMAL, noise_floor
 
 _UNITS = {"displacement_m": (1e9, "nm"), "polarization_C_per_m2": (1.0, "C/m^2")}  # of what is measured
 _LONGEST, _BESIDE = 3, 2  # samples, and those on either side that they are judged by
 _FAR = 5.5  # standard deviations of what such a look makes of noise
 _LEAST = 1e-5  # of the span: where a simulated reading has no noise, its last digits stand alone
 _AROUND = 41  # samples that tell how far fast motion is off all the time
-_NORMAL = 1.4826  # standard deviation over median absolute value, for normal noise
 _BOTH = 0.5  # of that: so far it is at least off the line from either side, and at most these off each other
 _DRIVEN = 0.25  # of its share of the span: then the drive did it
 _MOST = 0.02  # of the samples: what is more frequent is noise, and stays
@@ -43,6 +42,12 @@ class Spikes:
     places: NDArray[np.intp]
     heights: Array
 
+    @property
+    def farthest(self) -> tuple[int, float]:
+        """The sample that is farthest off, and by how much [unit of the column]."""
+        highest = int(np.argmax(np.abs(self.heights)))
+        return int(self.places[highest]), float(abs(self.heights[highest]))
+
 
 def without_spikes(record: Record) -> tuple[Record, dict[str, Spikes]]:
     """The run with curves through their neighbours in place of readings that stand alone, and these, by column.
@@ -50,9 +55,9 @@ def without_spikes(record: Record) -> tuple[Record, dict[str, Spikes]]:
     Where a row was lost as a whole, all zeros, the voltage is mended, too. The run keeps its fingerprint; one that was
     looked at before comes back as it is.
     """
-    if record.fingerprint or "voltage_V" not in record.columns:
-        return record, {}
     measured = {column: record[column] for column in _UNITS if column in record.columns}
+    if record.fingerprint or not measured or "voltage_V" not in record.columns:
+        return record, {}
     drive = _without_lost_rows(record.voltage, list(measured.values()))
     looked_at = {column: spikes_of(values, drive) for column, values in measured.items()}
     found = {column: spikes for column, spikes in looked_at.items() if spikes.places.size}
@@ -68,7 +73,7 @@ def without_spikes(record: Record) -> tuple[Record, dict[str, Spikes]]:
 
 def _without_lost_rows(voltage: Array, measured: Sequence[Array]) -> Array:
     """The voltage, straight across rows that are all zeros and no more than stand alone together."""
-    lost = np.all([values == 0.0 for values in (voltage, *measured)], axis=0) if measured else np.zeros(0, dtype=bool)
+    lost = np.all([values == 0.0 for values in (voltage, *measured)], axis=0)
     if not np.any(lost) or np.all(lost):
         return voltage
     lost &= ~ndimage.binary_opening(lost, np.ones(_LONGEST + 1, dtype=bool))
@@ -81,10 +86,10 @@ def told(record: Record, found: Mapping[str, Spikes]) -> list[str]:
     """Of each column with readings that stand alone, how many, and which of them is farthest off."""
     sentences = []
     for column, spikes in found.items():
-        (scale, unit), count = _UNITS[column], spikes.places.size
-        highest = int(np.argmax(np.abs(spikes.heights)))
-        farthest = f"{abs(spikes.heights[highest]) * scale:.3g} {unit} at {record.time[spikes.places[highest]]:.6g} s"
-        sentences.append(f"{Path(record.name).name}: {not_counted(count)} in {column}, farthest off is {farthest}")
+        (scale, unit), (place, height) = _UNITS[column], spikes.farthest
+        farthest = f"{height * scale:.3g} {unit} at {record.time[place]:.6g} s"
+        counted = not_counted(spikes.places.size)
+        sentences.append(f"{Path(record.name).name}: {counted} in {column}, farthest off is {farthest}")
     return sentences
 
 
@@ -116,7 +121,7 @@ def _standing_alone(values: Array, drive: Array, noise: float, length: int) -> t
     """Samples of stretches of so many with both ends off, and what a curve across each says instead."""
     seen, driven = _seen_across(values, length), _seen_across(drive, length)
     size, sign = np.abs(seen.off), np.sign(seen.off)
-    usual = _NORMAL * ndimage.median_filter(size, size=(1, _AROUND), mode="nearest")
+    usual = NORMAL * ndimage.median_filter(size, size=(1, _AROUND), mode="nearest")
     far = size > _FAR * np.maximum(usual, noise * seen.spread[:, None])
     beyond = np.minimum(seen.off_before * sign, seen.off_after * sign) > _BOTH * size
     agree = np.abs(seen.off_before - seen.off_after) < _BOTH * size
