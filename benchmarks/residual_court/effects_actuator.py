@@ -40,7 +40,7 @@ class AmplifierBandwidth(Effect):
 
     def parameters(self) -> dict[str, float]:
         """See Effect."""
-        return {} if self.shape["second_pole"] else {"time_constant": self.amplitude}
+        return {"time_constant": self.amplitude * (1.0 + self.shape["second_pole"])}
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,6 @@ _NARROWING = "domain_volume"
 
 _NARROWEST = 1e-2  # thermal width over the swing of the field
 _STEPS = 40
-_NEAR_NOISE = 1.1  # rms over noise of a run up to which the last percent counts
-_BOTTOM_STEPS, _COMES_DOWN = 2, 0.998  # at most, and what has to be left of the cost each time
 _SPACING = 0.35  # of the thermal width
 _THICKNESS = 1e-4
 _ACTIVE_LENGTH = 8e-3
@@ -94,27 +92,6 @@ def fit_declared(
     found = with_histories(found, progress, workers)
     progress(f"fitting {chain.name}, exact kinetics")
     return exact(found)
-
-
-def to_the_bottom(found: Hypothesis) -> Hypothesis:
-    """A base near the noise taken on by single steps with tangents of the model itself, if it comes down by that.
-
-    On some drives the front model's slopes are none: it decides on what is a reversal, and a difference of two of its
-    decisions is no tangent. A base that stays 1 % above the noise for that has any effect explain this 1 %.
-    """
-    ceramic = found.staged.ceramic
-    if not isinstance(ceramic, DeclaredHysteresis) or ceramic.quick is ceramic.model:
-        return found
-    exactly = DeclaredHysteresis(ceramic.model, ceramic.model, ceramic.coordinates, ceramic.records, ceramic.starts)
-    for _ in range(_BOTTOM_STEPS):
-        if max(found.ratios) > _NEAR_NOISE:
-            break
-        moved = fitted(dataclasses.replace(found.staged, ceramic=exactly), found.vector, most_steps=1)
-        there = fitted(found.staged.exact_at(moved.vector), moved.vector, most_steps=0)
-        if there.solution.cost >= _COMES_DOWN * found.solution.cost:
-            break
-        found = there
-    return found
 
 
 def _ceramic_of(chain: Chain) -> Ferroelectric:

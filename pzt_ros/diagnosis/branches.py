@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from pzt_ros.diagnosis.base import to_the_bottom
+from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.candidates import Step, share_of
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent

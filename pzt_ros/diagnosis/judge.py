@@ -115,11 +115,17 @@ class Judge:
             return near and before.total - there.total >= asked * (before.total - here.total)
         if winner.before.total - other.after.total < asked * gained:
             return False
-        decided = gain_of(other.after.fit, winner.after.fit) > self.thresholds.decisive
-        if winner.before.selection.samples:
-            decided = decided and gain_of(other.after.selection, winner.after.selection) > self.thresholds.decisive
+        decided = self._is_decided(winner, other)
         # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
         return not (decided and self.at_floor(winner.after)) or winner.after.staged.has_past
+
+    def _is_decided(self, winner: Candidate, other: Candidate) -> bool:
+        """Whether the likelihoods decide, both where it was fitted and where not, or the former beyond all doubt."""
+        asked, fitted = self.thresholds, gain_of(other.after.fit, winner.after.fit)
+        chosen = gain_of(other.after.selection, winner.after.selection)
+        settled = winner.after.fit.ratio <= asked.settled
+        beyond_doubt = settled and fitted > asked.overwhelming and chosen > 0.0
+        return beyond_doubt or min(fitted, chosen) > asked.decisive
 
     def is_far_ahead(self, winner: Candidate, other: Candidate) -> bool:
         """Whether a winner explains nearly all, and what another leaves is many times what it leaves."""

@@ -7,6 +7,7 @@ from itertools import repeat
 
 import numpy as np
 
+from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.candidates import Candidate
 from pzt_ros.diagnosis.histories import renewed, with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
@@ -34,9 +35,10 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     best = replace(best, after=taken_on(min(places, key=lambda found: found.total), asked))
     rivals = [candidate for candidate in others if candidate.fit_share >= asked.share]
     afters = workers.map(with_histories_of, [rival.after for rival in rivals], repeat(best.after))
-    told = dict(zip(rivals, afters, strict=True))
-    others = [replace(candidate, after=told.get(candidate, candidate.after)) for candidate in others]
-    return tuple(sorted((best, *others), key=lambda c: c.after.total))
+    ends = list(workers.map(to_the_bottom, [best.after, *afters]))
+    told = dict(zip([best, *rivals], ends, strict=True))
+    found = [replace(candidate, after=told.get(candidate, candidate.after)) for candidate in (best, *others)]
+    return tuple(sorted(found, key=lambda c: c.after.total))
 
 
 def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:

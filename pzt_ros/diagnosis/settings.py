@@ -49,7 +49,10 @@ class Thresholds:
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
         flexible_alike: the same on a flexible base, which bends so that a wrong one may do.
-        decisive: selection gain of the winner over another from which it is not a tie, if the winner reaches the floor.
+        decisive: gain of the winner over another, where it was fitted and where not, from which it is not a tie, if the
+            winner reaches the floor.
+        overwhelming: the same where it was fitted, if what chooses only does not speak against it: that is less and may
+            show little of what they differ in.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
             curve leaves to be as good.
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
@@ -102,6 +105,7 @@ class Thresholds:
     alike_tie: float = 0.9
     flexible_alike: float = 0.75
     decisive: float = 25.0
+    overwhelming: float = 250.0
     law_tie: float = 0.12
     flexible_law_tie: float = 2.5
     refits: int = 4

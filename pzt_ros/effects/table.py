@@ -46,8 +46,9 @@ EFFECTS: tuple[Effect, ...] = (
         link=AmplifierBandwidth,
         place=AT_COMMAND,
         amplitude="time_constant",
-        starts=_grid(time_constant=(1e-4, 5e-4, 2e-3, 1e-2)),
-        free=("time_constant",),
+        starts=_grid(time_constant=(1e-4, 5e-4, 2e-3, 1e-2), second_order=(0.1,)),
+        free=("time_constant", "second_order"),
+        additive=("second_order",),  # by its logarithm it would never leave none
         absence="loops that open in proportion to the frequency, and turns that come late on the axis of the voltage",
         next_experiment="a chirp or a step sampled at ten times the suspected corner, or the voltage logged",
     ),

@@ -15,6 +15,9 @@ from numba import njit
 _FAST = 1.0
 """A step below this many time constants is too fast for the exact inverse of a lag: its noise gain would pass 13."""
 
+_CRITICAL = 1e-9
+"""Within this of 1 the square of a damping is taken for 1: sine and cosine of the rest are what they are at 0."""
+
 _SETTLES = 0.9
 """The exact inverse of a mode is taken where its own errors shrink at least by this factor per sample."""
 
@@ -46,10 +49,19 @@ def lag_inverse(wanted: float, output: float, before: float, step: float, time_c
 @njit(cache=True)
 def _free_motion(step, frequency, damping):  # type: ignore[no-untyped-def]
     """What is left of a deflection and of a velocity: deflection and velocity after a `step` [s] without input."""
-    damped = frequency * math.sqrt(1.0 - damping * damping)
-    decay = math.exp(-damping * frequency * step)
-    cosine, sine = decay * math.cos(damped * step), decay * math.sin(damped * step) / damped
-    rate = damping * frequency
+    rate, beyond = damping * frequency, damping * damping - 1.0
+    root = math.sqrt(abs(beyond))
+    if beyond > _CRITICAL:
+        slow = math.exp(-step * frequency / (damping + root))
+        fast = math.exp(-step * (rate + frequency * root))
+        cosine, sine = 0.5 * (slow + fast), 0.5 * (slow - fast) / (frequency * root)
+    elif beyond < -_CRITICAL:
+        decay = math.exp(-rate * step)
+        cosine, sine = decay * math.cos(frequency * root * step), decay * math.sin(frequency * root * step)
+        sine /= frequency * root
+    else:
+        cosine = math.exp(-rate * step)
+        sine = cosine * step
     return cosine + rate * sine, sine, -frequency * frequency * sine, cosine - rate * sine
 
 
@@ -57,7 +69,7 @@ def _free_motion(step, frequency, damping):  # type: ignore[no-untyped-def]
 def mode_step(position, velocity, before, now, step, frequency, damping):  # type: ignore[no-untyped-def]
     """Position and velocity of y'' + 2 D w y' + w^2 (y - u) = 0 after a straight line from `before` to `now`.
 
-    `frequency` is w [rad/s], `damping` is D [-], below 1.
+    `frequency` is w [rad/s], `damping` is D [-], any: from 1 on these are two lags in a row.
     """
     if step == 0.0:
         return position, velocity

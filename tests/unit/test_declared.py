@@ -9,7 +9,8 @@ import pytest
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import declared
-from pzt_ros.diagnosis.base import _within_sight, to_the_bottom
+from pzt_ros.diagnosis.base import _within_sight
+from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import FIT, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis, _Exact
