@@ -22,7 +22,6 @@ from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
-from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.physics.surrogate import ACCURACY, surrogate_of
 from pzt_ros.sysid.parameters import free_parameters, without_noise
@@ -37,37 +36,6 @@ _NARROWING = "domain_volume"
 _NARROWEST = 1e-2  # thermal width over the swing of the field
 _STEPS = 40
 _SPACING = 0.35  # of the thermal width
-_THICKNESS = 1e-4
-_ACTIVE_LENGTH = 8e-3
-
-
-def default_chain(runs: Sequence[RunData]) -> Chain:
-    """A polycrystal and electrostriction in proportion to the drive and the motion, where no chain was declared."""
-    highest = max(float(np.max(np.abs(run.record.voltage))) for run in runs)
-    motion = max(float(np.ptp(run.record.displacement)) for run in runs)
-    field = highest / _THICKNESS
-    spread = 0.4 * (0.35 * field) ** 2
-    ceramic = Lattice(
-        coercive_field=0.35 * field,
-        coercive_field_spread=spread,
-        interaction_field_spread=spread,
-        relaxation_time=1e-3,
-        reciprocal_permittivity=field / 0.025,
-        domain_volume=1e-22 * (1.5e6 / field),
-        layer_thickness=_THICKNESS,
-    )
-    quadratic = motion / ceramic.domain_polarization**2
-    law: Link = Electrostriction(coefficient=quadratic / _ACTIVE_LENGTH, active_length=_ACTIVE_LENGTH)
-    if _falls(runs):
-        law = StrainLaw(quadratic=-quadratic)
-    return Chain(
-        "default", (ceramic, law), {"description": "Gaussian polycrystal and electrostriction, scaled to the runs"}
-    )
-
-
-def _falls(runs: Sequence[RunData]) -> bool:
-    """Whether the reading falls as the stage extends, to either polarity, as that of a gap does."""
-    return sum(float(np.cov(run.record.voltage**2, run.record.displacement)[0, 1]) for run in runs) < 0.0
 
 
 def fit_declared(
@@ -84,13 +52,23 @@ def fit_declared(
     Raises:
         BenchError: the chain has no ceramic, or an unknown parameter in `free:`.
     """
+    progress(f"fitting {chain.name}")
+    return with_pasts(begun(chain, runs), progress, workers)
+
+
+def begun(chain: Chain, runs: Sequence[RunData]) -> Hypothesis:
+    """Fitted with every run starting where it begins."""
     quiet = without_noise(chain)
     model = _as_exact_as_seen(_ceramic_of(quiet))
     coordinates = [(link, _within_sight(link, each, runs)) for link, each in _coordinates(chain, runs)]
-    progress(f"fitting {chain.name}")
-    found = _solved(quiet, model, coordinates, runs)
+    return _solved(quiet, model, coordinates, runs)
+
+
+def with_pasts(found: Hypothesis, progress: Progress, workers: Workers) -> Hypothesis:
+    """With as short a history before each run as the data ask for, and exact."""
+    name = found.staged.chain.name
     found = with_histories(found, progress, workers)
-    progress(f"fitting {chain.name}, exact kinetics")
+    progress(f"fitting {name}, exact kinetics")
     return exact(found)
 
 

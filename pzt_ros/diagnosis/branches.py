@@ -18,6 +18,7 @@ from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import Workers
+from pzt_ros.physics.polycrystal import Polycrystal
 
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 
@@ -27,7 +28,7 @@ class Branch:
     """The search on one base.
 
     Attributes:
-        density: of its relays: "gaussian" as declared, "identified" from the runs, "none" where it has no relays.
+        density: of its domains: "gaussian" as declared, "identified" from the runs, "none" where it has one or none.
         base: without an effect.
         steps: of the search.
     """
@@ -90,13 +91,13 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         sooner=lambda: with_declared_kinetics(declared),
     )
     if not search.at_floor(declared) and any(blind.takes_all for blind in search.blind(declared)):
-        return [Branch("gaussian", declared, ()), *_on_relays(declared, asked, progress, workers)]
+        return [_on_declared(declared, ()), *_on_relays(declared, asked, progress, workers)]
     others: list[Branch] = []
     is_far = declared.fit.ratio > asked.reachable  # elements that slip are tried sooner than effects there
     if is_far:
         others = _on_elements(declared, asked, progress, workers)
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
-            return [Branch("gaussian", declared, ()), *others]
+            return [_on_declared(declared, ()), *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
     better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
@@ -106,7 +107,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
         steps = paired if search.explains(paired, declared) else steps
-    branch = Branch("gaussian", declared, tuple(steps))
+    branch = _on_declared(declared, tuple(steps))
     if search.explains(steps, declared):
         return [branch]
     if not is_far:
@@ -119,6 +120,11 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
     return [dataclasses.replace(branch, steps=tuple(steps)), *others]
+
+
+def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:
+    ceramic = declared.staged.ceramic.link(declared.vector[: declared.staged.ceramic.start.size])
+    return Branch("gaussian" if isinstance(ceramic, Polycrystal) else "none", declared, steps)
 
 
 def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:

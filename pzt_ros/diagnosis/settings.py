@@ -43,6 +43,7 @@ class Thresholds:
         in_sight: rms over noise up to which effects leave so little that the base is taken for right.
         outdone: share of the excess that another base may leave at most for the search on this one to end; and that an
             effect may leave of what another leaves for the two not to be taken for one another easily.
+        instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred near the noise.
         tie: share of the winner's gain from which another effect is as good.
@@ -99,13 +100,14 @@ class Thresholds:
     trial_promise: float = 0.5
     in_sight: float = 3.0
     outdone: float = 0.25
+    instead: float = 0.8
     rateless: float = 3.0
     plainer: float = 1.05
     tie: float = 0.93
     alike_tie: float = 0.9
     flexible_alike: float = 0.75
     decisive: float = 25.0
-    overwhelming: float = 250.0
+    overwhelming: float = 100.0
     law_tie: float = 0.12
     flexible_law_tie: float = 2.5
     refits: int = 4

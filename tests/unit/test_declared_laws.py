@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis.base import default_chain, fit_declared
+from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.flexible import beside_the_rest
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.undeclared import default_chain
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Rest, Signals

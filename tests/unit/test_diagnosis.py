@@ -581,6 +581,32 @@ def test_beside_an_unknown_past_no_likelihood_decides(driven: bool) -> None:
     assert not Search().is_as_good(mode, worse)
 
 
+@pytest.mark.parametrize(
+    ("winner", "rival", "tied"),
+    [
+        ((1.0, 1.0), (1.005, 1.002), True),
+        ((1.0, 1.0), (1.03, 1.03), False),
+        ((1.0, 1.0), (1.2, 1.001), False),
+        ((1.0, 1.0), (1.2, 0.999), True),
+        ((1.04, 1.0), (1.25, 1.001), True),
+    ],
+)
+def test_what_was_fitted_decides_alone_where_it_is_beyond_doubt(
+    winner: tuple[float, float], rival: tuple[float, float], tied: bool
+) -> None:
+    """Court cases: a bandwidth was 700 likelihoods ahead of a lag where fitted, 9 where not, and the two tied.
+
+    Not where what chooses speaks against it, nor where the winner leaves more than the noise itself.
+    """
+    before = misfitting(4.0, 4.0)
+    bandwidth, lag = (
+        Candidate(name, before, misfitting(*ratios))
+        for name, ratios in (("amplifier_bandwidth", winner), ("sensor_lag", rival))
+    )
+    bandwidth.after.staged = SimpleNamespace(has_past=False)  # type: ignore[misc, assignment]
+    assert Search().is_as_good(bandwidth, lag) is tied
+
+
 @pytest.mark.parametrize(("driven", "left", "is_base"), [(True, 1.02, True), (True, 1.9, False), (False, 1.02, False)])
 def test_beside_an_unknown_past_an_effect_has_to_beat_the_base_from_where_it_stands(
     monkeypatch: pytest.MonkeyPatch, driven: bool, left: float, is_base: bool
