@@ -123,8 +123,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
 
 
 def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:
-    ceramic = declared.staged.ceramic.link(declared.vector[: declared.staged.ceramic.start.size])
-    return Branch("gaussian" if isinstance(ceramic, Polycrystal) else "none", declared, steps)
+    is_many = any(isinstance(link, Polycrystal) for link in declared.staged.chain.links)
+    return Branch("gaussian" if is_many else "none", declared, steps)
 
 
 def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:

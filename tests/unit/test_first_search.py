@@ -118,7 +118,7 @@ def test_a_base_that_went_astray_is_not_asked_first(
 def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
     """A court case: a curve of the sensor led a driven base out of where it was stuck, and was named with a drift."""
     declared, better = leaving(2.0, 2.0), leaving(1.02, 1.01)
-    declared.staged = better.staged = SimpleNamespace(has_past=True, runs=[])
+    declared.staged = better.staged = SimpleNamespace(has_past=True, runs=[], chain=load_chain("p802"))
     searched: list[Any] = []
 
     def run(self: Search, found: Any) -> list[Step]:
@@ -148,7 +148,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     """A court case: eight minutes for the names of a curve and a drift; a lag was there."""
     blind = [Alike(lambda records: True, frozenset({"sensor_lag"}), "", takes_all)]
     declared = leaving(2.0, 2.0)
-    declared.staged = SimpleNamespace(has_past=False, runs=[])
+    declared.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
     searched: list[Any] = []
 
     def run(self: Search, found: Any) -> list[Step]:
