@@ -15,17 +15,19 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 
 _NEAR_NOISE = 1.1  # rms over noise of a run up to which the last percent counts
-_STEPS, _COMES_DOWN = 2, 0.998  # at most, and what has to be left of the cost each time
+_NEAR_WITH_EFFECT = 2.0  # the same of a refit with an effect that may be all that is missing
+_STEPS, _COMES_DOWN = 4, 0.998  # at most, and what has to be left of the cost each time
 
 
 def to_the_bottom(found: Hypothesis) -> Hypothesis:
-    """A fit near the noise taken on by single exact steps, if it comes down by them."""
+    """A fit near the noise taken on by single exact steps, for as long as it comes down by them."""
+    near = _NEAR_WITH_EFFECT if found.effects else _NEAR_NOISE
     ceramic = found.staged.ceramic
     if not isinstance(ceramic, DeclaredHysteresis) or ceramic.quick is ceramic.model:
         return found
     exactly = DeclaredHysteresis(ceramic.model, ceramic.model, ceramic.coordinates, ceramic.records, ceramic.starts)
     for _ in range(_STEPS):
-        if max(found.ratios) > _NEAR_NOISE:
+        if max(found.ratios) > near:
             break
         moved = fitted(dataclasses.replace(found.staged, ceramic=exactly), found.vector, found.effects, 1)
         there = fitted(found.staged.exact_at(moved.vector), moved.vector, found.effects, 0)

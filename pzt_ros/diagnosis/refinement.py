@@ -25,7 +25,7 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     if not candidates:
         return candidates
     bent = [candidate for candidate in candidates if candidate.fit_share >= asked.share]
-    afters = workers.map(stiffened, [candidate.after for candidate in bent], repeat(asked))
+    afters = workers.map(to_the_bottom, workers.map(stiffened, [each.after for each in bent], repeat(asked)))
     held = {candidate.name: after for candidate, after in zip(bent, afters, strict=True)}
     tried = (replace(candidate, after=held.get(candidate.name, candidate.after)) for candidate in candidates)
     best, *others = sorted(tried, key=lambda c: c.after.total)
@@ -35,10 +35,9 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     best = replace(best, after=taken_on(min(places, key=lambda found: found.total), asked))
     rivals = [candidate for candidate in others if candidate.fit_share >= asked.share]
     afters = workers.map(with_histories_of, [rival.after for rival in rivals], repeat(best.after))
-    ends = list(workers.map(to_the_bottom, [best.after, *afters]))
-    told = dict(zip([best, *rivals], ends, strict=True))
-    found = [replace(candidate, after=told.get(candidate, candidate.after)) for candidate in (best, *others)]
-    return tuple(sorted(found, key=lambda c: c.after.total))
+    told = dict(zip(rivals, afters, strict=True))
+    others = [replace(candidate, after=told.get(candidate, candidate.after)) for candidate in others]
+    return tuple(sorted((best, *others), key=lambda c: c.after.total))
 
 
 def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:

@@ -79,6 +79,11 @@ class Prospect:
             return tried[0]
         return tried[int(np.argmin(costs))]
 
+    def beginning_at(self, base: Array) -> Prospect:
+        """The same with the base elsewhere."""
+        without, start = (np.concatenate((base, each[base.size :])) for each in (self.without, self.start))
+        return replace(self, without=without, start=start)
+
 
 class Screen:
     """The tangent space of a hypothesis, on the parts that are fitted and on those that choose."""

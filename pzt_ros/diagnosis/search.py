@@ -27,6 +27,7 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RENEWALS, _COMES_DOWN = 3, 0.98  # times that effects are found anew, and what has to be left each time at most
+_STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
 _RIVAL = 0.6  # of the best one's gain
 
 
@@ -293,13 +294,34 @@ class Search(Judge):
             return []
         names = [prospect.effect.name for prospect in prospects]
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + _beside(before.effects))
-        afters = self.workers.map(_fitted, prospects, repeat(before.effects))
+        afters = self._from_the_best(
+            before, prospects, list(self.workers.map(_fitted, prospects, repeat(before.effects)))
+        )
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
         rivals = [rival for rival in _rivals(found) if self.is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
         better = dict(zip(rivals, exacts, strict=True))
         return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
+
+    def _from_the_best(
+        self, before: Hypothesis, prospects: Sequence[Prospect], afters: Sequence[Hypothesis | None]
+    ) -> list[Hypothesis | None]:
+        """Refits that hardly left the base begin again where the best went: that another did is none of its merits."""
+        refits = [after for after in afters if after]
+        best = min(refits, key=lambda after: after.total, default=before)
+
+        def stuck(prospect: Prospect, after: Hypothesis | None) -> bool:
+            promised, gained = before.total - prospect.total, before.total - (after or before).total
+            return best is not after and gained < _STUCK * min(promised, before.total - best.total)
+
+        again = [n for n, pair in enumerate(zip(prospects, afters, strict=True)) if stuck(*pair)]
+        there = [prospects[n].beginning_at(best.vector[: before.vector.size]) for n in again]
+        found = list(afters)
+        for n, after in zip(again, self.workers.map(_fitted, there, repeat(before.effects)), strict=True):
+            if after and after.total < (found[n] or before).total:
+                found[n] = after
+        return found
 
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import branches, flexible, judge
+from pzt_ros.diagnosis import branches, flexible, judge, search
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
@@ -187,3 +187,26 @@ def test_easily_taken_for_one_another_but_one_explains_far_more(left: float, riv
     for each in (bandwidth, lag):
         each.after.staged = SimpleNamespace(has_past=False)  # type: ignore[misc, assignment]
     assert Search(Thresholds().on_flexible()).is_as_good(bandwidth, lag) is tied
+
+
+@pytest.mark.parametrize(("promised", "again"), [(2.5, True), (7.8, False)])
+def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
+    monkeypatch: pytest.MonkeyPatch, promised: float, again: bool
+) -> None:
+    """A lag that was there stayed at none, beside it a mode explained 96 %, and the mode was named."""
+    before, best, stuck = leaving(2.0, 2.0), leaving(1.1, 1.1), leaving(1.99, 2.0)
+    before.vector, best.vector = np.array([0.0, 0.0]), np.array([3.0, 4.0, 9.0])
+    begun: list[list[float]] = []
+
+    def fitted(prospect: Any, effects: tuple[str, ...]) -> Any:
+        begun.append(prospect.start.tolist())
+        return leaving(1.0, 1.0)
+
+    monkeypatch.setattr(search, "_fitted", fitted)
+    empty = np.zeros(2)
+    mode = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.5]), 2.5)  # type: ignore[arg-type]
+    lag = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.7]), promised)  # type: ignore[arg-type]
+    first, second = Search()._from_the_best(before, [mode, lag], [best, stuck])
+    assert first is best
+    assert begun == ([[3.0, 4.0, 0.7]] if again else [])
+    assert (second is stuck) is not again
