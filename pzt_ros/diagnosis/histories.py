@@ -15,6 +15,7 @@ import numpy as np
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.prior_drive import with_best_amplitude
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
@@ -54,7 +55,7 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
         return found
     if not found.staged.has_past:
         plain = without_histories(found) if found.effects else None
-        return found if plain is None else min(plain, found, key=_total)
+        return with_best_amplitude(found if plain is None else min(plain, found, key=_total))
     for _ in range(_ROUNDS):
         asked = [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
         if not asked:

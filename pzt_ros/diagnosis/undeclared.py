@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pzt_ros.diagnosis.base import begun, with_pasts
 from pzt_ros.diagnosis.data import RunData
-from pzt_ros.diagnosis.declared import DeclaredHysteresis
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import Workers
@@ -32,9 +32,8 @@ from pzt_ros.sysid.parameters import free_parameters
 
 _THICKNESS = 1e-4
 _ACTIVE_LENGTH = 8e-3
-_SATURATION = 1.4  # of the largest field
-_AMPLITUDES = 0.6, 1.8, 31  # of the drive before all runs: lowest and highest over the largest field, and how many
-_NOTES = {"description": "One representative domain and electrostriction, scaled to the runs"}
+_SATURATION = 1.6  # of the largest field
+_NOTES = {"description": "One representative domain and electrostriction, scaled to the runs", **UNKNOWN}
 
 
 class _Start(NamedTuple):
@@ -64,7 +63,10 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     found = begun(chain, runs)
     if max(found.ratios) > asked.floor:
         progress("fitting one representative domain")
-        found = _one_domain(found, chain, asked.instead) or found
+        domain = _one_domain(found, chain, asked.instead)
+        if domain is not None and not domain.staged.has_past:
+            return domain  # what was before is the drive before all runs
+        found = domain or found
     return with_pasts(found, progress, workers)
 
 
@@ -105,42 +107,20 @@ def _one_domain(polycrystal: Hypothesis, chain: Chain, share: float) -> Hypothes
     field = max(float(np.max(np.abs(run.record.voltage))) for run in runs) / lattice.layer_thickness
     for start in _STARTS:
         domain = _domain(lattice, start, field)
-        plain = replace(fitted_chain.with_links(partial(_instead, domain=domain)), notes=dict(_NOTES))
-        scale = () if any(run.has_polarization for run in runs) else (f"{domain.kind}.domain_polarization",)
-        free = [each.name for each in free_parameters(replace(plain, notes={})) if each.name not in scale]
-        held = begun(replace(plain, notes={**_NOTES, "free": free}), runs)
-        if held.excess > share * polycrystal.excess:
-            continue
-        if all(run.begins_driven for run in runs):
-            return held
-        begin = _with_amplitude(held, _best_amplitude(held, field))
-        return begun(replace(begin, notes={**_NOTES, "free": [*free, f"{domain.kind}.virgin_amplitude"]}), runs)
+        plain = replace(fitted_chain.with_links(partial(_instead, domain=domain)), notes={})
+        free = [each.name for each in free_parameters(plain) if each.name not in _held(runs)]
+        found = begun(replace(plain, notes={**_NOTES, "free": free}), runs)
+        if found.excess <= share * polycrystal.excess:
+            return with_best_amplitude(found)
     return None
 
 
-def _best_amplitude(held: Hypothesis, field: float) -> float:
-    """Of the decaying drive before all runs [V/m].
-
-    It leaves loops a twentieth of itself apart, and as the first rise wipes them out each is a valley of the misfit. So
-    it is sought on a grid, with all else near where it belongs.
-    """
-    ceramic = held.staged.ceramic
-    assert isinstance(ceramic, DeclaredHysteresis)
-
-    def left(amplitude: float) -> float:
-        model = _amplified(ceramic.model, amplitude)
-        other = DeclaredHysteresis(model, model, ceramic.coordinates, ceramic.records, ceramic.starts)
-        return fitted(replace(held.staged, ceramic=other), held.vector, most_steps=0).total
-
-    return min((float(each) * field for each in np.geomspace(*_AMPLITUDES)), key=left)
-
-
-def _with_amplitude(held: Hypothesis, amplitude: float) -> Chain:
-    return held.staged.chain_at(held.vector).with_links(partial(_amplified, amplitude=amplitude))
-
-
-def _amplified(link: Any, amplitude: float) -> Any:
-    return replace(link, virgin_amplitude=amplitude) if isinstance(link, Parametrized) else link
+def _held(runs: Sequence[RunData]) -> set[str]:
+    """Parameters that these runs do not tell: a flat direction would lead every search astray."""
+    held = {f"{Parametrized.kind}.saturation_barrier"}
+    if not any(run.has_polarization for run in runs):
+        held.add(f"{Parametrized.kind}.domain_polarization")
+    return held
 
 
 def _instead(link: Link, domain: Parametrized) -> Link:

@@ -50,7 +50,7 @@ def runs_of(chain: Chain) -> tuple[list[Record], list[Record]]:
 def found(request: Any) -> Report:
     """What is said of the thesis' two soft materials with hum, of which nothing was declared."""
     chain = with_effect(load_chain(request.param), HUM)
-    return diagnose(*runs_of(chain), workers=IN_THIS_PROCESS)
+    return diagnose(*runs_of(chain), workers=IN_THIS_PROCESS, command=request.param)
 
 
 def test_it_is_the_base_and_the_effect_is_named(found: Report) -> None:
@@ -63,8 +63,11 @@ def test_it_is_the_base_and_the_effect_is_named(found: Report) -> None:
 
 
 def test_its_parameters_are_those_of_the_stage(found: Report) -> None:
-    hum = found.effects[0].parameters
-    assert hum["detuning"]["value"] == pytest.approx(0.0, abs=1e-3)
+    """Those that displacement tells: the drive before all runs, which nobody declared, and the barriers."""
+    domain = next(link for link in found.model.links if isinstance(link, Parametrized))
+    assert domain.virgin_amplitude == pytest.approx(1.5e6, rel=0.01)
+    truth = next(link for link in load_chain(found.command).links if isinstance(link, Parametrized))
+    assert domain.barrier_descending == pytest.approx(truth.barrier_descending, rel=0.05)
 
 
 def test_a_polycrystal_stays_one() -> None:
