@@ -12,13 +12,16 @@ import numpy as np
 from pzt_benchmarks.measured.sets import RunSet
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import diagnose
-from pzt_ros.diagnosis.base import default_chain, fit_declared
+from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
 from pzt_ros.diagnosis.flexible import ORDERS, ROTATIONS
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.report import Report
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.undeclared import fit_undeclared
+from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.identified_fit import IdentifiedFit
@@ -90,19 +93,22 @@ def judge(which: RunSet, data: Path, tell: Callable[[str], None]) -> Judged:
     """Fit, choose and score one set."""
     train, test = [cut.record(data) for cut in which.train], which.test.record(data)
     runs = split(with_floors(train), with_floors([test]))
-    chain = load_chain(which.chain) if which.chain else default_chain(runs)
+    chain = load_chain(which.chain) if which.chain else None
     residuals = {
         name: errors.residuals[-1] if name == LAST_CYCLE else centred(runs[-1], errors.residuals[-1])
         for name, errors in baselines(runs).items()
     }
     modelled = [_in_one(runs, which.whole(data))] if which.goes_on else runs
-    declared = fit_declared(chain, modelled, tell)
+    if chain:
+        declared = fit_declared(chain, modelled, tell)
+    else:
+        declared = fit_undeclared(modelled, Thresholds(), tell, IN_THIS_PROCESS)
     residuals[DECLARED] = _late(_declared_error(declared), runs[-1])
     tell("identifying the density")
     residuals[IDENTIFIED] = _late(_identified_error(modelled), runs[-1])
     tell("diagnosing as a user would")
     began = time.perf_counter()
-    report = diagnose(train, [test], chain if which.chain else None, progress=tell)
+    report = diagnose(train, [test], chain, progress=tell)
     seconds = time.perf_counter() - began
     rows = tuple(row(name, runs[-1], residual) for name, residual in residuals.items())
     return Judged(which, runs[-1], rows, residuals, report, seconds)
