@@ -26,7 +26,8 @@ _STEPS = 20
 
 def with_best_amplitude(found: Hypothesis) -> Hypothesis:
     """Refitted with the amplitude that leaves least, where it is not known and something is left."""
-    if not UNKNOWN.items() <= found.staged.chain.notes.items() or max(found.ratios) <= _CLEAN:
+    is_sought = UNKNOWN.items() <= found.staged.chain.notes.items()
+    if not is_sought or max(found.ratios) <= _CLEAN or all(run.begins_driven for run in found.staged.runs):
         return found
     thickness = next(each.layer_thickness for each in found.staged.chain.links if isinstance(each, Parametrized))
     highest = max(float(np.max(np.abs(run.record.voltage))) for run in found.staged.runs)

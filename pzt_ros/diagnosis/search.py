@@ -294,9 +294,8 @@ class Search(Judge):
             return []
         names = [prospect.effect.name for prospect in prospects]
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + _beside(before.effects))
-        afters = self._from_the_best(
-            before, prospects, list(self.workers.map(_fitted, prospects, repeat(before.effects)))
-        )
+        begun = list(self.workers.map(_fitted, prospects, repeat(before.effects)))
+        afters = self._from_the_best(before, prospects, begun)
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
         rivals = [rival for rival in _rivals(found) if self.is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]

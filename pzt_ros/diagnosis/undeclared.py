@@ -50,11 +50,11 @@ _STARTS = _Start(0.2, 2.5, 0.7, 1.1), _Start(0.35, 1.2, 0.35, 1.2)
 
 
 def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers) -> Hypothesis:
-    """Fit a polycrystal to the runs or, where that leaves something, one domain if it leaves far less.
+    """Fit a polycrystal to the runs or, where that leaves something, one domain if it leaves less.
 
     Args:
         runs: split into parts.
-        asked: what counts as something, and as far less.
+        asked: what counts as something, and as less.
         progress: is told what is being done.
         workers: look for histories side by side.
     """
