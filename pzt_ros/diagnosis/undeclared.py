@@ -63,7 +63,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     found = begun(chain, runs)
     if max(found.ratios) > asked.floor:
         progress("fitting one representative domain")
-        domain = _one_domain(found, chain, asked.instead)
+        domain = _one_domain(found, chain, asked)
         if domain is not None and not domain.staged.has_past:
             return domain  # what was before is the drive before all runs
         found = domain or found
@@ -99,8 +99,8 @@ def _falls(runs: Sequence[RunData]) -> bool:
     return sum(float(np.cov(run.record.voltage**2, run.record.displacement)[0, 1]) for run in runs) < 0.0
 
 
-def _one_domain(polycrystal: Hypothesis, chain: Chain, share: float) -> Hypothesis | None:
-    """Fitted in place of a polycrystal; none where no start leaves as little as a share of what that leaves."""
+def _one_domain(polycrystal: Hypothesis, chain: Chain, asked: Thresholds) -> Hypothesis | None:
+    """Fitted in place of a polycrystal; none where no start leaves less, or so little that an effect could be found."""
     lattice = next(link for link in chain.links if isinstance(link, Lattice))
     runs = polycrystal.staged.runs
     fitted_chain = polycrystal.staged.chain_at(polycrystal.vector)
@@ -110,7 +110,8 @@ def _one_domain(polycrystal: Hypothesis, chain: Chain, share: float) -> Hypothes
         plain = replace(fitted_chain.with_links(partial(_instead, domain=domain)), notes={})
         free = [each.name for each in free_parameters(plain) if each.name not in _held(runs)]
         found = begun(replace(plain, notes={**_NOTES, "free": free}), runs)
-        if found.excess <= share * polycrystal.excess:
+        is_less = found.excess <= asked.instead * polycrystal.excess
+        if is_less and found.fit.ratio <= asked.reachable:
             return with_best_amplitude(found)
     return None
 
