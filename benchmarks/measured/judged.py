@@ -12,7 +12,6 @@ import numpy as np
 from pzt_benchmarks.measured.sets import RunSet
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import diagnose
-from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
 from pzt_ros.diagnosis.flexible import ORDERS, ROTATIONS
@@ -20,7 +19,7 @@ from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.undeclared import fit_undeclared
+from pzt_ros.diagnosis.undeclared import fit_base
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
@@ -99,10 +98,7 @@ def judge(which: RunSet, data: Path, tell: Callable[[str], None]) -> Judged:
         for name, errors in baselines(runs).items()
     }
     modelled = [_in_one(runs, which.whole(data))] if which.goes_on else runs
-    if chain:
-        declared = fit_declared(chain, modelled, tell)
-    else:
-        declared = fit_undeclared(modelled, Thresholds(), tell, IN_THIS_PROCESS)
+    declared = fit_base(chain, modelled, Thresholds(), tell, IN_THIS_PROCESS)
     residuals[DECLARED] = _late(_declared_error(declared), runs[-1])
     tell("identifying the density")
     residuals[IDENTIFIED] = _late(_identified_error(modelled), runs[-1])

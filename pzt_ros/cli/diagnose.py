@@ -56,7 +56,7 @@ def diagnose(
     model: Annotated[
         str | None,
         typer.Option(
-            help="declared chain: shipped name or path of a YAML file; a polycrystal scaled to the runs by default",
+            help="declared chain: shipped name or YAML file; a polycrystal or the parametrized model by default",
             show_default=False,
         ),
     ] = None,

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import optimize
 
-from pzt_ros.diagnosis.data import FIT, SCORE, RunData
+from pzt_ros.diagnosis.data import FIT, SCORE, RunData, highest_voltage
 from pzt_ros.diagnosis.outcome import Errors, errors_from
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
@@ -50,7 +50,7 @@ class _Columns:
     """Powers of the voltage and play operators of it, all in units of the largest voltage."""
 
     def __init__(self, runs: Sequence[RunData], plays: int, degree: int) -> None:
-        self.scale = max(float(np.max(np.abs(run.record.voltage))) for run in runs)
+        self.scale = highest_voltage(runs)
         self.degree = degree
         reach = max(float(np.ptp(run.record.voltage)) for run in runs) / self.scale / 2.0
         self.radii = np.linspace(0.0, reach, plays + 2)[1:-1]

@@ -25,7 +25,7 @@ def to_the_bottom(found: Hypothesis) -> Hypothesis:
     ceramic = found.staged.ceramic
     if not isinstance(ceramic, DeclaredHysteresis) or ceramic.quick is ceramic.model:
         return found
-    exactly = DeclaredHysteresis(ceramic.model, ceramic.model, ceramic.coordinates, ceramic.records, ceramic.starts)
+    exactly = ceramic.with_model(ceramic.model)
     for _ in range(_STEPS):
         if max(found.ratios) > near:
             break

@@ -91,6 +91,11 @@ def _about_zero(seen: Columns, unit: float) -> Columns:
     return seen
 
 
+def highest_voltage(runs: Sequence[RunData]) -> float:
+    """Of all runs, whatever its sign [V]."""
+    return max(float(np.max(np.abs(run.record.voltage))) for run in runs)
+
+
 def split(train: Sequence[RunData], test: Sequence[RunData]) -> list[RunData]:
     """All of the train runs is fitted; the first half of each test run chooses, its second half scores."""
     found = [replace(run, picks={FIT: _thin(run, 0, len(run.record))}) for run in train]

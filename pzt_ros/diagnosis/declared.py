@@ -131,6 +131,10 @@ class DeclaredHysteresis:
         """The same ceramic with other histories."""
         return DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, starts)
 
+    def with_model(self, model: Ferroelectric) -> DeclaredHysteresis:
+        """The same with another link, which is moved itself, without a fast model in its place."""
+        return DeclaredHysteresis(model, model, self.coordinates, self.records, self.starts)
+
     def for_one_search(self) -> DeclaredHysteresis:
         """A copy that keeps tangents for as long as they serve; what it gives depends on what it was asked before."""
         found = copy.copy(self)

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.baselines import baselines
 from pzt_ros.diagnosis.branches import Branch, branches_of, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
@@ -37,7 +36,7 @@ from pzt_ros.diagnosis.remains import Remains, remains_of
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
-from pzt_ros.diagnosis.undeclared import fit_undeclared
+from pzt_ros.diagnosis.undeclared import fit_base
 from pzt_ros.effects.table import EFFECT_OF, reported
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thread, threads
 from pzt_ros.physics.chain import Chain
@@ -80,10 +79,7 @@ def diagnose(
     refitting = threads() if workers is None else nullcontext(workers)
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
-        if chain is None:
-            declared = fit_undeclared(runs, asked, progress, pool)
-        else:
-            declared = fit_declared(chain, runs, progress, pool)
+        declared = fit_base(chain, runs, asked, progress, pool)
         branches = branches_of(declared, asked, progress, pool)
         chosen = chosen_of(branches, asked)
         progress("predicting")

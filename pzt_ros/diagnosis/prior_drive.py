@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from pzt_ros.diagnosis.data import highest_voltage
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
-from pzt_ros.physics.parametrized import Parametrized
 
 UNKNOWN = {"drive_before": "of unknown amplitude"}
 """Notes of a chain for which it is sought."""
@@ -26,27 +26,20 @@ _STEPS = 20
 
 def with_best_amplitude(found: Hypothesis) -> Hypothesis:
     """Refitted with the amplitude that leaves least, where it is not known and something is left."""
-    is_sought = UNKNOWN.items() <= found.staged.chain.notes.items()
-    if not is_sought or max(found.ratios) <= _CLEAN or all(run.begins_driven for run in found.staged.runs):
+    runs, ceramic = found.staged.runs, found.staged.ceramic
+    is_sought = UNKNOWN.items() <= found.staged.chain.notes.items() and not all(run.begins_driven for run in runs)
+    if not is_sought or not isinstance(ceramic, DeclaredHysteresis) or max(found.ratios) <= _CLEAN:
         return found
-    thickness = next(each.layer_thickness for each in found.staged.chain.links if isinstance(each, Parametrized))
-    highest = max(float(np.max(np.abs(run.record.voltage))) for run in found.staged.runs)
-    tried = _COARSE * highest / thickness
+    largest = highest_voltage(runs) / ceramic.model.layer_thickness
+    best, tried = found, [float(each) * largest for each in _COARSE]
     for _ in range(2):
-        best = min((_at(found, float(amplitude), 0) for amplitude in tried), key=lambda each: each.total)
-        amplitude = _amplitude_of(best)
-        found = min(_at(found, amplitude, _STEPS), found, key=lambda each: each.total)
-        tried = _FINE * amplitude
-    return found
+        amplitude = min(tried, key=lambda each: _at(best, ceramic, each, 0).total)
+        best = min(_at(best, ceramic, amplitude, _STEPS), best, key=lambda each: each.total)
+        tried = [float(each) * amplitude for each in _FINE]
+    return best
 
 
-def _at(found: Hypothesis, amplitude: float, steps: int) -> Hypothesis:
-    ceramic: Any = found.staged.ceramic
-    model = replace(ceramic.model, virgin_amplitude=amplitude)
-    other = DeclaredHysteresis(model, model, ceramic.coordinates, ceramic.records, ceramic.starts)
+def _at(found: Hypothesis, ceramic: DeclaredHysteresis, amplitude: float, steps: int) -> Hypothesis:
+    changes: dict[str, Any] = {"virgin_amplitude": amplitude}
+    other = ceramic.with_model(replace(ceramic.model, **changes))
     return fitted(replace(found.staged, ceramic=other), found.vector, found.effects, steps)
-
-
-def _amplitude_of(found: Hypothesis) -> float:
-    ceramic: Any = found.staged.ceramic
-    return float(ceramic.model.virgin_amplitude)

@@ -21,7 +21,10 @@ _AT_BOUND = 1e-6  # of the way to the other bound
 
 
 def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Workers) -> tuple[Candidate, ...]:
-    """With the best taken on for as long as it comes down: what it leaves would make others look as good."""
+    """Those that explain enough at their bottom, the best taken on for as long as it comes down.
+
+    What a refit leaves that could come further would make others look as good.
+    """
     if not candidates:
         return candidates
     bent = [candidate for candidate in candidates if candidate.fit_share >= asked.share]

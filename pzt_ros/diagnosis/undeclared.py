@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pzt_ros.diagnosis.base import begun, with_pasts
-from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.base import begun, fit_declared, with_pasts
+from pzt_ros.diagnosis.data import RunData, highest_voltage
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.settings import Thresholds
@@ -49,6 +49,19 @@ _STARTS = _Start(0.2, 2.5, 0.7, 1.1), _Start(0.35, 1.2, 0.35, 1.2)
 """The thesis' materials as driven to one side and to both."""
 
 
+def fit_base(
+    chain: Chain | None, runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers
+) -> Hypothesis:
+    """Fit the declared chain to the runs; what `fit_undeclared` finds where there is none.
+
+    Raises:
+        BenchError: as `fit_declared`.
+    """
+    if chain is None:
+        return fit_undeclared(runs, asked, progress, workers)
+    return fit_declared(chain, runs, progress, workers)
+
+
 def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers) -> Hypothesis:
     """Fit a polycrystal to the runs or, where that leaves something, one domain if it leaves less.
 
@@ -72,9 +85,8 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
 
 def default_chain(runs: Sequence[RunData]) -> Chain:
     """A polycrystal and electrostriction in proportion to the drive and the motion, where no chain was declared."""
-    highest = max(float(np.max(np.abs(run.record.voltage))) for run in runs)
     motion = max(float(np.ptp(run.record.displacement)) for run in runs)
-    field = highest / _THICKNESS
+    field = highest_voltage(runs) / _THICKNESS
     spread = 0.4 * (0.35 * field) ** 2
     ceramic = Lattice(
         coercive_field=0.35 * field,
@@ -104,7 +116,7 @@ def _one_domain(polycrystal: Hypothesis, chain: Chain, asked: Thresholds) -> Hyp
     lattice = next(link for link in chain.links if isinstance(link, Lattice))
     runs = polycrystal.staged.runs
     fitted_chain = polycrystal.staged.chain_at(polycrystal.vector)
-    field = max(float(np.max(np.abs(run.record.voltage))) for run in runs) / lattice.layer_thickness
+    field = highest_voltage(runs) / lattice.layer_thickness
     for start in _STARTS:
         domain = _domain(lattice, start, field)
         plain = replace(fitted_chain.with_links(partial(_instead, domain=domain)), notes={})

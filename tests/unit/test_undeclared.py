@@ -47,10 +47,16 @@ def runs_of(chain: Chain) -> tuple[list[Record], list[Record]]:
 
 
 @pytest.fixture(scope="module", params=["thesis-p1", "thesis-p2"])
-def found(request: Any) -> Report:
-    """What is said of the thesis' two soft materials with hum, of which nothing was declared."""
-    chain = with_effect(load_chain(request.param), HUM)
-    return diagnose(*runs_of(chain), workers=IN_THIS_PROCESS, command=request.param)
+def stage(request: Any) -> Chain:
+    """Two of the thesis' materials."""
+    return load_chain(request.param)
+
+
+@pytest.fixture(scope="module")
+def found(stage: Chain) -> Report:
+    """What is said of it with hum, of which nothing was declared."""
+    chain = with_effect(stage, HUM)
+    return diagnose(*runs_of(chain), workers=IN_THIS_PROCESS)
 
 
 def test_it_is_the_base_and_the_effect_is_named(found: Report) -> None:
@@ -62,11 +68,11 @@ def test_it_is_the_base_and_the_effect_is_named(found: Report) -> None:
     assert found.before.score > 1.5 * NOISE
 
 
-def test_its_parameters_are_those_of_the_stage(found: Report) -> None:
+def test_its_parameters_are_those_of_the_stage(stage: Chain, found: Report) -> None:
     """Those that displacement tells: the drive before all runs, which nobody declared, and the barriers."""
     domain = next(link for link in found.model.links if isinstance(link, Parametrized))
     assert domain.virgin_amplitude == pytest.approx(1.5e6, rel=0.01)
-    truth = next(link for link in load_chain(found.command).links if isinstance(link, Parametrized))
+    truth = next(link for link in stage.links if isinstance(link, Parametrized))
     assert domain.barrier_descending == pytest.approx(truth.barrier_descending, rel=0.05)
 
 
