@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.candidates import Step, share_of
+from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
@@ -31,16 +32,23 @@ class Branch:
         density: of its domains: "gaussian" as declared, "identified" from the runs, "none" where it has one or none.
         base: without an effect.
         steps: of the search.
+        is_all_seen: whether it was fitted to what chooses, too.
     """
 
     density: str
     base: Hypothesis
     steps: tuple[Step, ...]
+    is_all_seen: bool = False
 
     @property
     def final(self) -> Hypothesis:
         """Where it ended."""
         return self.steps[-1].after if self.steps else self.base
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects that were added, those that stand for a group among them."""
+        return self.final.effects
 
     def without_names(self, but: str) -> Branch:
         """The same with every name taken back, and why."""
@@ -67,10 +75,10 @@ def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     against one that explains all, they do so only together with an effect.
     """
     explaining = [branch for branch in branches if branch.explains(asked)]
-    declared, best = branches[0], min(explaining[:1] or branches, key=lambda branch: branch.final.total)
+    declared, best = branches[0], min(explaining[:1] or branches, key=lambda branch: branch.final.over_noise)
     speaks = not explaining or any(step.accepted for step in declared.steps)
     is_near = max(declared.final.ratios) < asked.near_floor
-    hardly_more = declared.final.total <= asked.plainer * best.final.total
+    hardly_more = declared.final.over_noise <= asked.plainer * best.final.over_noise
     return declared if speaks and is_near and hardly_more else best
 
 
@@ -163,18 +171,36 @@ def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     if rateless is not None and search.at_floor(rateless):
         return [Branch("identified", rateless, ())]
     flexible = fit_flexible(declared, progress)
-    if flexible.fit.ratio <= asked.floor:  # nothing is left where it was fitted, so no effect could show itself there
-        return [Branch("identified", flexible, ())]
-    bases = [(flexible, dataclasses.replace(search, thresholds=asked.on_lattice()))]
-    if rateless is not None and rateless.total < asked.rateless * flexible.total:
-        bases.insert(0, (rateless, search))
+    is_clean = flexible.fit.ratio <= asked.floor  # nothing is left there in which an effect could show itself
     found: list[Branch] = []
-    for base, its_search in bases:
-        steps = its_search.with_pair(its_search.run(base), base)
-        found.append(Branch("identified", base, tuple(steps)))
-        if its_search.explains(steps, base):
-            break
-    return found
+    if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
+        found = [_on_density(rateless, search)]
+        if found[0].explains(asked):
+            return found
+    seen = _on_all_seen(flexible, asked, progress, workers)
+    if is_clean or seen.explains(asked):
+        return [*found, seen]
+    alone = _on_density(flexible, dataclasses.replace(search, thresholds=asked.on_lattice()))
+    return [*found, seen if seen.names and not alone.names else alone]
+
+
+def _on_density(base: Hypothesis, search: Search) -> Branch:
+    return Branch("identified", base, tuple(search.with_pair(search.run(base), base)))
+
+
+def _on_all_seen(flexible: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:
+    """The search on a density that was fitted to what chooses, too, if it has to bend for both.
+
+    A density that few runs determine takes up what an effect does there, and what chooses then shows what it is off by
+    rather than the effect. Beside nothing that is missing it comes down to the noise in all that is seen.
+    """
+    search = Search(asked.on_all_seen(), progress=progress, workers=workers)
+    if search.at_floor(flexible):
+        return Branch("identified", flexible, ())
+    progress("identifying the density from what chooses, too")
+    seen = fitted_to_all(flexible)
+    steps = [] if search.at_floor(seen) else search.run(seen)
+    return Branch("identified", seen, tuple(steps), is_all_seen=True)
 
 
 def _trusted(branch: Branch, asked: Thresholds) -> Branch:

@@ -136,7 +136,7 @@ def _report(
             *_lost(runs),
             *_spiky(runs),
         ),
-        verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained),
+        verdict=_verdict(effects, tied, remains, before, after, len(runs) > trained, sparse),
         baselines=baselines(runs),
         command=command,
     )
@@ -179,7 +179,8 @@ def _last_fit(found: Hypothesis, density: str) -> Hypothesis:
 def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
     """Whether an identified density is clean where it was fitted and not where it was not: not identified there."""
     final = chosen.final
-    return chosen.density == "identified" and final.fit.ratio <= asked.floor < final.selection.ratio
+    is_off = chosen.is_all_seen or final.selection.ratio > asked.floor
+    return chosen.density == "identified" and final.fit.ratio <= asked.floor and is_off
 
 
 _WORSE = (
@@ -274,7 +275,8 @@ def _tried(branches: Sequence[Branch]) -> list[Tried]:
 
 def _why(candidate: Candidate, step: Step) -> str:
     here, there = max(candidate.fit_share, 0.0), max(candidate.selection_share, 0.0)
-    shares = f"{here:.0%} of the excess where it was fitted, {there:.0%} where not"
+    shares = f"{here:.0%} of the excess where it was fitted"
+    shares += f", {there:.0%} where not" if candidate.before.choosing else ""
     if candidate.name in step.tied:
         return f"{shares}; as good as {', '.join(name for name in step.tied if name != candidate.name)}"
     if candidate in step.accepted:
@@ -337,6 +339,7 @@ def _verdict(
     before: Errors,
     after: Errors,
     tested: bool,
+    sparse: bool,
 ) -> str:
     which = "runs not fitted" if tested else "the train runs"
     way = "falls" if after.test <= before.test else "rises"
@@ -349,13 +352,17 @@ def _verdict(
         same = effects or after is before
         sentences.append(f"Not identifiable from this data: {either}" + ("" if same else f"; {fall}"))
     if not effects and not tied and not remains.present:
-        sentences.append(
-            f"Nothing is missing that these runs show: {remains.times_noise:.2f} x the noise floor is left"
-        )
+        sentences.append(f"{_SILENT[sparse]}: {remains.times_noise:.2f} x the noise floor is left")
     if remains.present:
         start = "Something is missing that is not named" if not (effects or tied) else "Something unexplained remains"
         sentences.append(f"{start}: {remains.what_is_seen}")
     return ". ".join(sentences) + "."
+
+
+_SILENT = {
+    False: "Nothing is missing that these runs show",
+    True: "No effect shows itself, but the train runs do not determine the density where the test runs go",
+}
 
 
 def _words(name: str) -> str:

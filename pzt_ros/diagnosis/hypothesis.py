@@ -112,6 +112,11 @@ class Hypothesis:
         return ratio**2 * (2.0 if self.selection.samples else 1.0)
 
     @property
+    def over_noise(self) -> float:
+        """`total` over what the noise alone leaves."""
+        return self.total / self.total_at(1.0)
+
+    @property
     def excess(self) -> float:
         """Of `total` over what the noise alone leaves; never so little that it could not be divided by."""
         return max(self.total - self.total_at(1.0), 1e-4)

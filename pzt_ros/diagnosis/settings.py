@@ -54,6 +54,8 @@ class Thresholds:
             winner reaches the floor.
         overwhelming: the same where it was fitted, if what chooses only does not speak against it: that is less and may
             show little of what they differ in.
+        told_apart: mean square, in units of the noise, that another has to leave beyond the winner not to tie with it on
+            a density that was fitted to all that is seen: without an effect that is off by 0.08 at most.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
             curve leaves to be as good.
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
@@ -62,6 +64,7 @@ class Thresholds:
         most_effects: that are added at most.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
         flexible_hopeless: as `hopeless`: that base is all but linear, so a screen is to be believed.
+        flexible_told_apart: as `told_apart`, where that is asked.
         flexible_finish: as `finish_share`: a refit is all but done after its first steps there.
         informed_share: of the excess where it was fitted, and of what a density leaves that was fitted to what chose,
             too, from which an effect is named that explains less where it was not fitted.
@@ -108,6 +111,7 @@ class Thresholds:
     flexible_alike: float = 0.75
     decisive: float = 25.0
     overwhelming: float = 100.0
+    told_apart: float = math.inf
     law_tie: float = 0.12
     flexible_law_tie: float = 2.5
     refits: int = 4
@@ -118,6 +122,7 @@ class Thresholds:
     worsens: float = 1.02
     flexible_remains: float = 1.10
     flexible_hopeless: float = 8.0
+    flexible_told_apart: float = 0.1
     flexible_finish: float = 0.25
 
     def on_trial(self) -> Thresholds:
@@ -140,6 +145,17 @@ class Thresholds:
     def on_lattice(self) -> Thresholds:
         """The same where the flexible base is a lattice: what its density is off by must not hide an effect."""
         return replace(self.on_flexible(), informed_share=self.flexible_share)
+
+    def on_all_seen(self) -> Thresholds:
+        """What is asked on a density that was fitted to what chose, too: nothing is left that decides between two."""
+        return replace(
+            self.on_elements(),
+            share=self.share,
+            tie=self.flexible_alike,
+            decisive=math.inf,
+            overwhelming=math.inf,
+            told_apart=self.flexible_told_apart,
+        )
 
     def on_elements(self) -> Thresholds:
         """What is asked on elements that slip: no density of theirs can bend for an effect, so it may be small."""

@@ -23,11 +23,13 @@ from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose
 from pzt_ros.diagnosis import search as search_of_effects
 from pzt_ros.diagnosis.base import fit_declared
-from pzt_ros.diagnosis.branches import Branch, _trusted, chosen_of
+from pzt_ros.diagnosis.branches import Branch, _on_all_seen, _trusted, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
+from pzt_ros.diagnosis.diagnose import _tried
 from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone
+from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import _parts
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
@@ -388,6 +390,30 @@ def test_amounts_within_bounds_make_up_for_one_another() -> None:
     assert np.sum((columns @ amounts - wanted) ** 2) < 1e-3 * np.sum(wanted**2)
 
 
+def test_a_base_that_was_fitted_to_what_chooses_too_shows_an_effect_and_nothing_where_nothing_is() -> None:
+    asked = Thresholds()
+    hums, silent = (
+        _on_all_seen(hypothesis(effect), asked, lambda text: None, IN_THIS_PROCESS) for effect in ("mains_hum", "none")
+    )
+    assert hums.is_all_seen
+    assert hums.final.effects == ("mains_hum",)
+    assert not hums.base.choosing
+    assert hums.explains(asked)
+    hum = next(each for each in _tried([hums]) if each.accepted)
+    assert hum.why.startswith("9")
+    assert "where not" not in hum.why
+    assert silent.steps == ()
+    assert silent.explains(asked)
+
+
+def test_bases_compare_by_what_is_left_of_what_was_seen() -> None:
+    """Of a base that was fitted to all there is one kind of parts, of others two."""
+    base = hypothesis("backlash")
+    seen = fitted_to_all(base)
+    assert seen.total < 0.7 * base.total
+    assert seen.over_noise == pytest.approx(base.over_noise, rel=0.2)
+
+
 def found_in_turn(base: Hypothesis, *names: str) -> list[Step]:
     """Steps in which effects were added whatever else would have been better."""
     steps: list[Step] = []
@@ -416,7 +442,7 @@ def leaving(share: float, *effects: str) -> Hypothesis:
     left = Misfit(1000.0 * (1.0 + 8.0 * share), 1000, 1000.0)
     total, excess = 2.0 * (1.0 + 8.0 * share), 16.0 * share
     found = SimpleNamespace(fit=left, selection=left, total=total, excess=excess, total_at=lambda ratio: 2.0 * ratio**2)
-    found.ratios, found.effects = [left.ratio, left.ratio], effects
+    found.ratios, found.effects, found.over_noise = [left.ratio, left.ratio], effects, total / 2.0
     return cast(Hypothesis, found)
 
 
