@@ -115,6 +115,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
         steps = paired if search.explains(paired, declared) else steps
+    if not is_far:
+        steps = search.with_wandering(steps, declared)
     branch = _on_declared(declared, tuple(steps))
     if search.explains(steps, declared):
         return [branch]

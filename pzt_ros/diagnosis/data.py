@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 
 from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.physics.change import Columns
@@ -33,6 +34,7 @@ class RunData:
         noise: floor of its displacement [m].
         polarization_noise: what a misfit of the polarization is measured in [C/m^2]; 0 where it was not recorded.
         spikes: readings that stood alone in it, by column.
+        wander: time over which its readings may wander by chance [s]; 0 where they do not.
     """
 
     record: Record
@@ -40,6 +42,7 @@ class RunData:
     noise: float
     polarization_noise: float = 0.0
     spikes: Mapping[str, Spikes] = field(default_factory=dict)
+    wander: float = 0.0
 
     @cached_property
     def signals(self) -> Signals:
@@ -79,9 +82,39 @@ class RunData:
     def _centred(self, part: str, displacement: Columns, polarization: Columns | None) -> list[Columns]:
         picks = self.picks[part]
         found = [_about_zero(displacement[picks], self.noise)]
+        if self.wander > 0.0:
+            slow = self._slow(part).astype(found[0].dtype, copy=False)
+            found[0] -= slow @ (slow.T @ found[0])
         if polarization is not None:
             found.append(_about_zero(polarization[picks], self.polarization_noise))
         return found
+
+    def wandered(self, residual: Array) -> Array:
+        """What of a residual over the whole run is taken for a wandering of its reading, its mean too [m, (n,)]."""
+        slow = np.column_stack((np.ones(len(self.record)), slow_curves(self.record.time, self.wander)))
+        course: Array = slow @ np.linalg.lstsq(slow[self.clear], residual[self.clear], rcond=None)[0]
+        return course
+
+    def _slow(self, part: str) -> Array:
+        """An orthonormal basis of what a wandering may be at the samples of a part [shape (m, k)]."""
+        if part not in self._bases:
+            picks = self.picks[part]
+            curves = slow_curves(self.record.time[picks], self.wander)
+            self._bases[part] = np.linalg.qr(curves - curves.mean(axis=0))[0]
+        return self._bases[part]
+
+    @cached_property
+    def _bases(self) -> dict[str, Array]:
+        return {}
+
+
+def slow_curves(time: Array, spacing: float) -> Array:
+    """Smooth curves that change over `spacing` seconds, cubic B-splines less one that the mean stands for [(n, k)]."""
+    pieces = max(1, round((time[-1] - time[0]) / spacing))
+    knots = np.linspace(time[0], time[-1], pieces + 1)
+    clamped = np.concatenate((np.full(3, knots[0]), knots, np.full(3, knots[-1])))
+    curves: Array = BSpline.design_matrix(time, clamped, 3).toarray()[:, 1:]
+    return curves
 
 
 def _about_zero(seen: Columns, unit: float) -> Columns:

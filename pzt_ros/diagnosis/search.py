@@ -18,10 +18,12 @@ from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
+from pzt_ros.diagnosis.wandering import SPACING, wandering
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
+from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
@@ -125,6 +127,38 @@ class Search(Judge):
             return [*steps]
         paired = self._pair_step(steps[-1])
         return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired])
+
+    def with_wandering(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
+        """The steps of a run; where they do not explain all, readings that wander by chance may, beside them or alone.
+
+        That is asked last: what goes its own way in every run could stand for much that is slow.
+        """
+        last = steps[-1]
+        if self.explains(steps, base):
+            return [*steps]
+        if last.accepted and not last.tied and ThermalDrift.kind not in last.after.effects:
+            beside = self._wandering_step(last.after, [last.after], ())
+            if beside and self.explains([*steps, beside], base):
+                return [*steps, beside]
+        alone = self._wandering_step(base, chain([base], self.origins()), steps[0].candidates)
+        return [alone] if alone else [*steps]
+
+    def _wandering_step(
+        self, before: Hypothesis, places: Iterable[Hypothesis], others: Sequence[Candidate]
+    ) -> Step | None:
+        """Readings that wander beside a hypothesis, fitted from the first place where they explain all."""
+        self.progress("refitting with readings that wander" + _beside(before.effects))
+        name, verdict = ThermalDrift.kind, f"wanders by chance over {SPACING:g} s and more"
+        for place in places:
+            found = wandering(place, self.thresholds)
+            if found is None:
+                continue
+            winner = Candidate(name, before, replace(found, effects=(*before.effects, name)))
+            step = Step(before, _headed_by(winner, others), {}, (winner,), (), verdict)
+            if self.explains([step], before):
+                tied = self._tied(winner, [other for other in others if self.is_significant(other)])
+                return replace(step, tied=tied)
+        return None
 
     def _weighed(self, steps: list[Step]) -> list[Step]:
         """The steps without what was only needed until all of them were there."""

@@ -54,8 +54,8 @@ class Thresholds:
             winner reaches the floor.
         overwhelming: the same where it was fitted, if what chooses only does not speak against it: that is less and may
             show little of what they differ in.
-        told_apart: mean square, in units of the noise, that another has to leave beyond the winner not to tie with it on
-            a density that was fitted to all that is seen: without an effect that is off by 0.08 at most.
+        told_apart: mean square, in units of the noise, that another has to leave beyond the winner not to tie with it
+            on a density that was fitted to all seen: without an effect that is off by 0.08 at most.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
             curve leaves to be as good.
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy import optimize
+from scipy import interpolate, optimize
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose
@@ -44,6 +44,7 @@ from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
+from pzt_ros.diagnosis.wandering import wandering as wandering_of
 from pzt_ros.effects.insert import effects_in, with_effect
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
@@ -135,6 +136,11 @@ def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
         return np.square(limited) + y.min()
     if effect == "waving_sensor":
         return y + 60e-9 * np.sin(2.0 * np.pi * y / np.max(y))
+    if effect == "wandering":  # of the room: another course in every run
+        course = interpolate.CubicSpline(np.arange(0.0, 20.0, 5.0), np.random.default_rng(seed).normal(size=4))
+        return y + 80e-9 * (course(time) - course(0.0))
+    if effect == "slow_wave":  # not in the library, and too fast for a drift
+        return y + 40e-9 * np.sin(2.0 * np.pi * time / 1.7 + seed)
     if effect == "backlash":  # not in the library
         return np.array(_backlash(y, 120e-9))
     return y
@@ -222,6 +228,53 @@ def test_names_that_make_the_prediction_of_what_scores_worse_are_taken_back() ->
     assert not hum.accepted
     assert "but it makes the prediction of what scores worse" in hum.why
     assert report.remains.present
+
+
+@pytest.fixture(scope="module")
+def wandering() -> Report:
+    return diagnose([run(seed, "wandering") for seed in (1, 2)], [run(3, "wandering")], declared())
+
+
+def test_readings_that_wander_by_chance_are_a_drift(wandering: Report) -> None:
+    assert [effect.name for effect in wandering.effects] == ["thermal_drift"]
+    assert wandering.not_identifiable == ()
+    assert not wandering.remains.present
+    assert wandering.remains.times_noise == pytest.approx(1.0, abs=0.03)
+    assert "goes by chance" in wandering.verdict
+    assert wandering.after.score > 2.0 * NOISE  # no model foretells it
+    assert wandering.model.notes["fit"]["parameters"].keys() == wandering.baseline.notes["fit"]["parameters"].keys()
+
+
+def test_readings_that_wander_do_not_bend_the_model(wandering: Report, null: Report) -> None:
+    quiet = run(9)
+    bent, kept, best = (predict(chain, quiet).rms for chain in (wandering.baseline, wandering.model, null.model))
+    assert kept < 1.02 * best
+    assert bent > 1.04 * best
+
+
+def test_a_slow_wave_is_no_drift() -> None:
+    asked = Thresholds()
+    drift, wave = (wandering_of(hypothesis(effect), asked) for effect in ("wandering", "slow_wave"))
+    assert drift is not None
+    assert max(drift.ratios) < 1.05
+    assert wave is None
+
+
+def test_what_wanders_is_taken_out_of_misfit_and_jacobian_alike() -> None:
+    """Any cubic is as good as nothing; so is what a model's change has of one."""
+    (plain,) = split([RunData(run(1), {}, NOISE)], [])
+    wanders = dataclasses.replace(plain, wander=4.0)
+    time, measured = plain.record.time, plain.record.displacement
+    cubic, still = 1e-7 * (time - 2.0) ** 3, np.zeros_like(time)
+    np.testing.assert_allclose(wanders.misfit(FIT, measured + cubic, still), 0.0, atol=1e-6)
+    np.testing.assert_allclose(wanders.wandered(cubic), cubic, atol=1e-12)
+    fast = 1e-6 * np.sin(20.0 * time)
+    assert np.linalg.norm(wanders.misfit(FIT, measured + fast, still)) == pytest.approx(
+        np.linalg.norm(plain.misfit(FIT, measured + fast, still)), rel=0.01
+    )
+    changes = wanders.change(FIT, np.column_stack((cubic, fast)).astype(np.float32), np.zeros((time.size, 2)))
+    np.testing.assert_allclose(changes[:, 0], 0.0, atol=1e-2)
+    np.testing.assert_allclose(changes[:, 1], wanders.misfit(FIT, measured + fast, still), atol=1e-3)
 
 
 def with_lost_readings(record: Record) -> Record:

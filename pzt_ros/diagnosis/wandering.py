@@ -1,0 +1,51 @@
+"""Readings that wander by chance: a room's temperature, which no model of the stage foretells and no drive repeats.
+
+A link of a few numbers for each run dies out or goes straight on. What wanders is taken out of the misfit instead, as
+an offset is: smooth curves over a few seconds, as many as a run has room for. What the stage does at the pace of its
+drive stays, so a model that lacks something else does not come down to the noise beside them, but one that lacks
+nothing does, and its values are no longer bent by the drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.refinement import REFIT_STEPS, taken_on
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.run import rms
+
+SPACING = 4.0
+"""Over which readings may bend [s]: shorter, and slow loops of a drive would be taken out, too."""
+
+
+def wandering(place: Hypothesis, asked: Thresholds) -> Hypothesis | None:
+    """The model fitted beside readings that wander, from a place; None where that leaves far too much."""
+    staged = replace(place.staged, runs=[replace(run, wander=SPACING) for run in place.staged.runs])
+    begun = fitted(staged, place.vector, place.effects, REFIT_STEPS)
+    return taken_on(exact(begun), asked) if begun.fit.ratio <= asked.polishable else None
+
+
+def wanders(found: Hypothesis) -> bool:
+    """Whether its readings do."""
+    return any(run.wander > 0.0 for run in found.staged.runs)
+
+
+def less_wandering(found: Hypothesis, residuals: Sequence[Array]) -> list[Array]:
+    """Residuals of all runs [m] without what wanders in them; as they are where nothing does."""
+    return [left - _course(run, left) for run, left in zip(found.staged.runs, residuals, strict=True)]
+
+
+def size_of(found: Hypothesis, residuals: Sequence[Array]) -> float:
+    """Rms of what wanders within a run, over all runs [m]."""
+    courses = [_course(run, left) for run, left in zip(found.staged.runs, residuals, strict=True)]
+    return rms(np.concatenate([course - course.mean() for course in courses]))
+
+
+def _course(run: RunData, residual: Array) -> Array:
+    return run.wandered(residual) if run.wander > 0.0 else np.zeros_like(residual)
