@@ -22,6 +22,7 @@ Picks = NDArray[np.intp]
 FIT, SELECTION, SCORE = "fit", "selection", "score"
 
 _MOST = 60_000  # samples of a part that count; of a longer one evenly chosen
+_MOST_PIECES = 40  # of a course by chance: of a longer run slower ones, or memory would grow with its square
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class RunData:
         noise: floor of its displacement [m].
         polarization_noise: what a misfit of the polarization is measured in [C/m^2]; 0 where it was not recorded.
         spikes: readings that stood alone in it, by column.
-        wander: time over which its readings may wander by chance [s]; 0 where they do not.
+        wander: time over which its readings may wander by chance [s]; 0 where they do not, inf for a straight line.
     """
 
     record: Record
@@ -109,8 +110,14 @@ class RunData:
 
 
 def slow_curves(time: Array, spacing: float) -> Array:
-    """Smooth curves that change over `spacing` seconds, cubic B-splines less one that the mean stands for [(n, k)]."""
-    pieces = max(1, round((time[-1] - time[0]) / spacing))
+    """Smooth curves that bend over `spacing` seconds, less one that the mean stands for [shape (n, k)].
+
+    Cubic B-splines, or a straight line where a run is shorter than that.
+    """
+    duration = float(time[-1] - time[0])
+    if duration < spacing:
+        return ((time - time[0]) / max(duration, 1e-300))[:, np.newaxis]
+    pieces = min(round(duration / spacing), _MOST_PIECES)
     knots = np.linspace(time[0], time[-1], pieces + 1)
     clamped = np.concatenate((np.full(3, knots[0]), knots, np.full(3, knots[-1])))
     curves: Array = BSpline.design_matrix(time, clamped, 3).toarray()[:, 1:]

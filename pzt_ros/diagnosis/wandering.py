@@ -8,6 +8,7 @@ nothing does, and its values are no longer bent by the drift.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,17 +19,27 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, taken_on
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.physics.signals import Array
-from pzt_ros.sysid.run import rms
+from pzt_ros.sysid.run import rms, typical_leg
 
 SPACING = 4.0
-"""Over which readings may bend [s]: shorter, and slow loops of a drive would be taken out, too."""
+"""Over which readings may bend at the least [s]."""
+
+_FEWEST_LEGS = 6.0  # of the drive in a run that bends: slow curves beside a few ways up and down are loops
 
 
 def wandering(place: Hypothesis, asked: Thresholds) -> Hypothesis | None:
     """The model fitted beside readings that wander, from a place; None where that leaves far too much."""
-    staged = replace(place.staged, runs=[replace(run, wander=SPACING) for run in place.staged.runs])
+    runs = [replace(run, wander=_spacing(run)) for run in place.staged.runs]
+    staged = replace(place.staged, runs=runs)
     begun = fitted(staged, place.vector, place.effects, REFIT_STEPS)
     return taken_on(exact(begun), asked) if begun.fit.ratio <= asked.polishable else None
+
+
+def _spacing(run: RunData) -> float:
+    """Over which the readings of a run may bend [s]: not sooner than its drive crosses its range."""
+    leg = typical_leg(run.record)
+    duration = float(run.record.time[-1] - run.record.time[0])
+    return max(SPACING, leg) if duration >= _FEWEST_LEGS * leg else math.inf
 
 
 def wanders(found: Hypothesis) -> bool:

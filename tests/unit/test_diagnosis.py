@@ -26,7 +26,7 @@ from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.branches import Branch, _on_all_seen, _trusted, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
-from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
+from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, slow_curves, split
 from pzt_ros.diagnosis.diagnose import _tried
 from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone
 from pzt_ros.diagnosis.final_fit import fitted_to_all
@@ -44,6 +44,7 @@ from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
+from pzt_ros.diagnosis.wandering import _spacing
 from pzt_ros.diagnosis.wandering import wandering as wandering_of
 from pzt_ros.effects.insert import effects_in, with_effect
 from pzt_ros.effects.sensor_lag import SensorLag
@@ -275,6 +276,25 @@ def test_what_wanders_is_taken_out_of_misfit_and_jacobian_alike() -> None:
     changes = wanders.change(FIT, np.column_stack((cubic, fast)).astype(np.float32), np.zeros((time.size, 2)))
     np.testing.assert_allclose(changes[:, 0], 0.0, atol=1e-2)
     np.testing.assert_allclose(changes[:, 1], wanders.misfit(FIT, measured + fast, still), atol=1e-3)
+
+
+def test_a_reading_bends_no_sooner_than_its_drive() -> None:
+    """What a slow drive leaves of its loops would be taken for a drift; of a short run a straight line may be one."""
+    time = np.linspace(0.0, 600.0, 601)
+
+    def course(period: float) -> Array:
+        volts = 50.0 - 50.0 * np.cos(2.0 * np.pi * time / period)
+        return np.column_stack((slow_curves(time, _spacing(RunData(driven(volts), {}, NOISE))), np.ones(time.size)))
+
+    def driven(volts: Array) -> Record:
+        return Record("slow", {"time_s": time, "voltage_V": volts, "displacement_m": 1e-7 * volts})
+
+    assert course(120.0).shape[1] == 600 / 60 + 3
+    assert course(400.0).shape[1] == 2  # three ways up and down
+    loop = np.sin(4.0 * np.pi * time / 120.0)
+    left = loop - course(120.0) @ np.linalg.lstsq(course(120.0), loop, rcond=None)[0]
+    assert np.std(left) > 0.5 * np.std(loop)
+    assert slow_curves(time, 1.0).shape[1] == 40 + 2
 
 
 def with_lost_readings(record: Record) -> Record:
