@@ -31,6 +31,7 @@ from pzt_ros.sysid.gauss_newton import cost_at
 
 _optimize: Any = optimize  # SciPy carries no types
 
+_AT_BOUND = 0.02  # of the way to the other bound
 _SIMPLEX = 0.3  # of a coordinate: a third more or less of a time or a frequency
 _SHAPES = 30  # that are tried at most
 _FEW_SHAPES = 10  # the same where each costs a pass through the ceramic
@@ -52,6 +53,8 @@ class Prospect:
         without: the base where it was, in the effect's shape but none of it.
         start: where the linear prediction puts base and effect.
         total: as `Hypothesis.total`, predicted linearly.
+        coarse: where it was refined from, if that led to a bound: a linear prediction may have its best place where no
+            refit comes back from.
     """
 
     effect: Effect
@@ -61,6 +64,7 @@ class Prospect:
     without: Array
     start: Array
     total: float
+    coarse: Prospect | None = None
 
     def best_start(self) -> Array:
         """Of a few vectors on the way to `start` the one of least cost: the prediction may lead too far.
@@ -82,7 +86,17 @@ class Prospect:
     def beginning_at(self, base: Array) -> Prospect:
         """The same with the base elsewhere."""
         without, start = (np.concatenate((base, each[base.size :])) for each in (self.without, self.start))
-        return replace(self, without=without, start=start)
+        return replace(self, without=without, start=start, coarse=None)
+
+
+def _at_bound(shape: Sequence[Coordinate], link: Link) -> bool:
+    """Whether a parameter that moves by ratios is as large or as small as it may be."""
+    for each in shape:
+        low, high = each.bounds
+        value = each.scaled(getattr(link, each.field))
+        if each.is_log and min(value - low, high - value) < _AT_BOUND * (high - low):
+            return True
+    return False
 
 
 class Screen:
@@ -192,7 +206,8 @@ class Screen:
             "fatol": 1e-6,
         }
         _optimize.minimize(total, first, method="Nelder-Mead", bounds=bounds, options=options)
-        return min((each for each in tried if np.isfinite(each.total)), key=lambda each: each.total)
+        best = min((each for each in tried if np.isfinite(each.total)), key=lambda each: each.total)
+        return replace(best, coarse=prospect) if _at_bound(shape, best.link) else best
 
     def _prospect(self, effect: Effect, link: Link, given: tuple[Coordinate, ...] = ()) -> Prospect:
         hypothesis = self.hypothesis

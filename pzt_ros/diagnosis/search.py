@@ -420,10 +420,14 @@ def _rivals(found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _fitted(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
-    try:
-        return fitted(prospect.staged, prospect.best_start(), (*effects, prospect.effect.name), REFIT_STEPS)
-    except BenchError:
-        return None
+    """The best refit from where a prospect begins, and from where it was refined from; None where none is possible."""
+    found = []
+    for begin in (prospect, prospect.coarse):
+        with suppress(BenchError):
+            if begin is not None:
+                names = (*effects, begin.effect.name)
+                found.append(fitted(begin.staged, begin.best_start(), names, REFIT_STEPS))
+    return min(found, key=lambda each: each.total, default=None)
 
 
 def _beside(effects: Sequence[str]) -> str:

@@ -39,8 +39,8 @@ from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.refinement import off_bounds
 from pzt_ros.diagnosis.remains import remains_of
-from pzt_ros.diagnosis.screen import Prospect, Screen, _bounded
-from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.screen import Prospect, Screen, _at_bound, _bounded
+from pzt_ros.diagnosis.search import Search, _fitted
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
@@ -448,6 +448,25 @@ def test_a_curve_bends_about_the_middle_of_where_the_model_goes() -> None:
     link = cast(SensorNonlinearity, prospect.link)
     assert link.centre - link.range == pytest.approx(reached.min())
     assert link.centre + link.range == pytest.approx(reached.max())
+
+
+def test_where_the_screen_ran_into_a_bound_a_refit_begins_from_before_it_too() -> None:
+    """A court case: relaxation up to 300 s promised most and was stuck there, and a drift was named beside it."""
+    screen, effect = Screen(hypothesis("slow_relaxation")), EFFECT_OF["slow_relaxation"]
+    coarse = screen.best(effect)
+    assert coarse is not None
+    assert screen.refined(coarse).coarse is None
+    added = of_effect(effect, coarse.link, range(2))
+    longest = math.exp(next(each for each in added if each.field == "longest_time").bounds[1])
+    assert _at_bound(added, dataclasses.replace(coarse.link, longest_time=longest))  # type: ignore[call-arg]
+    assert not _at_bound(added, coarse.link)
+    hum = screen.best(EFFECT_OF["mains_hum"])
+    assert hum is not None
+    alone, best, both = (_fitted(each, ()) for each in (hum, coarse, dataclasses.replace(hum, coarse=coarse)))
+    assert alone is not None
+    assert best is not None
+    assert both is not None
+    assert both.total == best.total < alone.total
 
 
 def test_amounts_within_bounds_make_up_for_one_another() -> None:
