@@ -101,8 +101,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if not search.at_floor(declared) and any(blind.takes_all for blind in search.blind(declared)):
         return [_on_declared(declared, ()), *_on_relays(declared, asked, progress, workers)]
     others: list[Branch] = []
-    is_far = declared.fit.ratio > asked.reachable  # elements that slip are tried sooner than effects there
-    if is_far:
+    sooner = declared.fit.ratio > asked.in_sight  # elements that slip are tried sooner than effects there
+    if sooner:
         others = _on_elements(declared, asked, progress, workers)
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [_on_declared(declared, ()), *others]
@@ -115,12 +115,12 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
         steps = paired if search.explains(paired, declared) else steps
-    if not is_far:
+    if declared.fit.ratio <= asked.reachable:
         steps = search.with_wandering(steps, declared)
     branch = _on_declared(declared, tuple(steps))
     if search.explains(steps, declared):
         return [branch]
-    if not is_far:
+    if not sooner:
         others = _on_elements(declared, asked, progress, workers)
     if not any(other.explains(asked) for other in others):
         others += _on_relays(declared, asked, progress, workers)
