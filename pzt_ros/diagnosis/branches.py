@@ -98,10 +98,12 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         origins=lambda: _origins(declared),
         sooner=lambda: with_declared_kinetics(declared),
     )
-    if not search.at_floor(declared) and any(blind.takes_all for blind in search.blind(declared)):
+    blind = search.blind(declared)
+    if not search.at_floor(declared) and any(each.takes_all for each in blind):
         return [_on_declared(declared, ()), *_on_relays(declared, asked, progress, workers)]
     others: list[Branch] = []
-    sooner = declared.fit.ratio > asked.in_sight  # elements that slip are tried sooner than effects there
+    # elements that slip are tried sooner than effects there; in one hold they take minutes
+    sooner = declared.fit.ratio > (asked.reachable if blind else asked.in_sight)
     if sooner:
         others = _on_elements(declared, asked, progress, workers)
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):

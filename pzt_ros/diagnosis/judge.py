@@ -122,7 +122,7 @@ class Judge:
     def _is_decided(self, winner: Candidate, other: Candidate) -> bool:
         """Whether the likelihoods decide, both where it was fitted and where not, or the former beyond all doubt."""
         asked, fitted = self.thresholds, gain_of(other.after.fit, winner.after.fit)
-        if other.after.over_noise - winner.after.over_noise > asked.told_apart:
+        if other.after.fit.ratio**2 - winner.after.fit.ratio**2 > asked.told_apart:
             return True
         chosen = gain_of(other.after.selection, winner.after.selection)
         settled = winner.after.fit.ratio <= asked.settled

@@ -158,6 +158,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(judge, "alike_by_design", lambda records: blind)
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
+    monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(branches, "_on_elements", lambda *_: [])
     monkeypatch.setattr(branches, "_on_relays", lambda *_: [branches.Branch("identified", leaving(1.0, 1.0), ())])
     first, second = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
