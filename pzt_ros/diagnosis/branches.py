@@ -45,11 +45,6 @@ class Branch:
         """Where it ended."""
         return self.steps[-1].after if self.steps else self.base
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the effects that were added, those that stand for a group among them."""
-        return self.final.effects
-
     def without_names(self, but: str) -> Branch:
         """The same with every name taken back, and why."""
         steps = [
@@ -103,8 +98,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         return [_on_declared(declared, ()), *_on_relays(declared, asked, progress, workers)]
     others: list[Branch] = []
     # elements that slip are tried sooner than effects there; in one hold they take minutes
-    sooner = declared.fit.ratio > (asked.reachable if blind else asked.in_sight)
-    if sooner:
+    elements_first = declared.fit.ratio > (asked.reachable if blind else asked.in_sight)
+    if elements_first:
         others = _on_elements(declared, asked, progress, workers)
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [_on_declared(declared, ()), *others]
@@ -122,7 +117,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     branch = _on_declared(declared, tuple(steps))
     if search.explains(steps, declared):
         return [branch]
-    if not sooner:
+    if not elements_first:
         others = _on_elements(declared, asked, progress, workers)
     if not any(other.explains(asked) for other in others):
         others += _on_relays(declared, asked, progress, workers)
@@ -185,7 +180,7 @@ def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     if is_clean or seen.explains(asked):
         return [*found, seen]
     alone = _on_density(flexible, dataclasses.replace(search, thresholds=asked.on_lattice()))
-    return [*found, seen if seen.names and not alone.names else alone]
+    return [*found, seen if seen.final.effects and not alone.final.effects else alone]
 
 
 def _on_density(base: Hypothesis, search: Search) -> Branch:

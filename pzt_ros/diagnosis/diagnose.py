@@ -139,7 +139,7 @@ def _report(
             *_spiky(runs),
         ),
         verdict=_verdict(effects, tied, remains, (before, after), len(runs) > trained, sparse)
-        + _course(chosen.final, remains, after),
+        + _by_chance(chosen.final, remains, after),
         baselines=baselines(runs),
         command=command,
     )
@@ -167,7 +167,7 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
         return _Reached(chosen, baseline, model, before, after, ())
-    remark = _WORSE.format(before=before.score * 1e9, after=after.score * 1e9)
+    remark = _WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
     return _Reached(nameless, baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
@@ -369,7 +369,7 @@ def _verdict(
     return ". ".join(sentences) + "."
 
 
-def _course(found: Hypothesis, remains: Remains, after: Errors) -> str:
+def _by_chance(found: Hypothesis, remains: Remains, after: Errors) -> str:
     """A further sentence of the verdict where readings wander."""
     if not wanders(found):
         return ""

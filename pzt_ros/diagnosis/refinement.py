@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import repeat
 
@@ -11,13 +13,41 @@ from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.candidates import Candidate
 from pzt_ros.diagnosis.histories import renewed, with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.screen import Prospect
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.errors import BenchError
 from pzt_ros.parallel import Workers
 
 REFIT_STEPS = 12
 _LONG = 30  # steps more, for those that may win
 _POLISHES, _COMES_DOWN = 4, 0.995  # times that the best is taken on, and what has to be left of it each time at most
+_RIVAL = 0.6  # of the best one's gain
 _AT_BOUND = 1e-6  # of the way to the other bound
+
+
+def refit(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
+    """The best from where a prospect begins, and from where it was refined from; None where none is possible."""
+    found = []
+    for begin in (prospect, prospect.coarse):
+        with suppress(BenchError):
+            if begin is not None:
+                names = (*effects, begin.effect.name)
+                found.append(fitted(begin.staged, begin.best_start(), names, REFIT_STEPS))
+    return min(found, key=lambda each: each.total, default=None)
+
+
+def rivals_of(found: Sequence[Candidate]) -> list[Candidate]:
+    """Those that gain so much of what the best gains that a ceramic that is exact could put them first.
+
+    What chooses is not asked alone: an approximation that fails there would hide all.
+    """
+    where_fitted = [candidate.before.fit.total - candidate.after.fit.total for candidate in found]
+    both = [candidate.before.total - candidate.after.total for candidate in found]
+    return [
+        candidate
+        for candidate, here, there in zip(found, where_fitted, both, strict=True)
+        if here >= _RIVAL * max(0.0, *where_fitted) or there >= _RIVAL * max(0.0, *both)
+    ]
 
 
 def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Workers) -> tuple[Candidate, ...]:

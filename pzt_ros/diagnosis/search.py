@@ -15,7 +15,7 @@ from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, secon
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.judge import Judge
-from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, taken_on
+from pzt_ros.diagnosis.refinement import finished, polished, refit, rivals_of, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
 from pzt_ros.diagnosis.wandering import SPACING, wandering
@@ -30,7 +30,6 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RENEWALS, _COMES_DOWN = 3, 0.98  # times that effects are found anew, and what has to be left each time at most
 _STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
-_RIVAL = 0.6  # of the best one's gain
 
 
 @dataclass
@@ -328,10 +327,10 @@ class Search(Judge):
             return []
         names = [prospect.effect.name for prospect in prospects]
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + _beside(before.effects))
-        begun = list(self.workers.map(_fitted, prospects, repeat(before.effects)))
+        begun = list(self.workers.map(refit, prospects, repeat(before.effects)))
         afters = self._from_the_best(before, prospects, begun)
         found = [Candidate(name, before, after) for name, after in zip(names, afters, strict=True) if after]
-        rivals = [rival for rival in _rivals(found) if self.is_worth_finishing(rival)]
+        rivals = [rival for rival in rivals_of(found) if self.is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
         better = dict(zip(rivals, exacts, strict=True))
@@ -351,7 +350,7 @@ class Search(Judge):
         again = [n for n, pair in enumerate(zip(prospects, afters, strict=True)) if stuck(*pair)]
         there = [prospects[n].beginning_at(best.vector[: before.vector.size]) for n in again]
         found = list(afters)
-        for n, after in zip(again, self.workers.map(_fitted, there, repeat(before.effects)), strict=True):
+        for n, after in zip(again, self.workers.map(refit, there, repeat(before.effects)), strict=True):
             if after and after.total < (found[n] or before).total:
                 found[n] = after
         return found
@@ -403,31 +402,6 @@ def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Cand
 
 def _left(prospect: Prospect) -> float:
     return prospect.total
-
-
-def _rivals(found: Sequence[Candidate]) -> list[Candidate]:
-    """Those that gain so much of what the best gains that a ceramic that is exact could put them first.
-
-    What chooses is not asked alone: an approximation that fails there would hide all.
-    """
-    fitted = [candidate.before.fit.total - candidate.after.fit.total for candidate in found]
-    both = [candidate.before.total - candidate.after.total for candidate in found]
-    return [
-        candidate
-        for candidate, here, there in zip(found, fitted, both, strict=True)
-        if here >= _RIVAL * max(0.0, *fitted) or there >= _RIVAL * max(0.0, *both)
-    ]
-
-
-def _fitted(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
-    """The best refit from where a prospect begins, and from where it was refined from; None where none is possible."""
-    found = []
-    for begin in (prospect, prospect.coarse):
-        with suppress(BenchError):
-            if begin is not None:
-                names = (*effects, begin.effect.name)
-                found.append(fitted(begin.staged, begin.best_start(), names, REFIT_STEPS))
-    return min(found, key=lambda each: each.total, default=None)
 
 
 def _beside(effects: Sequence[str]) -> str:

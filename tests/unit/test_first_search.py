@@ -203,7 +203,7 @@ def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
         begun.append(prospect.start.tolist())
         return leaving(1.0, 1.0)
 
-    monkeypatch.setattr(search, "_fitted", fitted)
+    monkeypatch.setattr(search, "refit", fitted)
     empty = np.zeros(2)
     mode = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.5]), 2.5)  # type: ignore[arg-type]
     lag = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.7]), promised)  # type: ignore[arg-type]

@@ -14,8 +14,8 @@ from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, split
 from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.lines import without_lines
+from pzt_ros.diagnosis.refinement import rivals_of
 from pzt_ros.diagnosis.remains import remains_of
-from pzt_ros.diagnosis.search import _rivals
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 
@@ -122,9 +122,9 @@ def test_one_that_fails_where_nothing_was_fitted_is_still_made_exact() -> None:
         return SimpleNamespace(before=before, after=SimpleNamespace(fit=SimpleNamespace(total=fit), total=selection))
 
     right, weaker, hopeless = candidate(200.0, 8.0), candidate(400.0, 9.0), candidate(990.0, 2.5)
-    assert _rivals([right, weaker, hopeless]) == [right, weaker]
+    assert rivals_of([right, weaker, hopeless]) == [right, weaker]
     ahead = candidate(900.0, 1.2)
-    assert _rivals([right, ahead, hopeless]) == [right, ahead]
+    assert rivals_of([right, ahead, hopeless]) == [right, ahead]
 
 
 @pytest.mark.parametrize("seed", range(5))
