@@ -72,9 +72,12 @@ def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     explaining = [branch for branch in branches if branch.explains(asked)]
     declared, best = branches[0], min(explaining[:1] or branches, key=lambda branch: branch.final.over_noise)
     speaks = not explaining or any(step.accepted for step in declared.steps)
-    is_near = max(declared.final.ratios) < asked.near_floor
-    hardly_more = declared.final.over_noise <= asked.plainer * best.final.over_noise
-    return declared if speaks and is_near and hardly_more else best
+    return declared if speaks and _is_near(declared.final, best.final.over_noise, asked) else best
+
+
+def _is_near(found: Hypothesis, other: float, asked: Thresholds) -> bool:
+    """Whether what is left is near the noise in every run, and in all hardly more than another leaves."""
+    return max(found.ratios) < asked.near_floor and found.over_noise <= asked.plainer * other
 
 
 def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
@@ -115,8 +118,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if declared.fit.ratio <= asked.reachable:
         steps = search.with_wandering(steps, declared)
     branch = _on_declared(declared, tuple(steps))
-    if search.explains(steps, declared):
-        return [branch]
+    if search.explains(steps, declared) or (branch.final.effects and _is_near(branch.final, 1.0, asked)):
+        return [branch]  # no other could leave so much less that it were believed instead
     if not elements_first:
         others = _on_elements(declared, asked, progress, workers)
     if not any(other.explains(asked) for other in others):

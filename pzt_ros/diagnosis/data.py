@@ -15,6 +15,7 @@ from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import begins_driven, drive_of, first_half
+from pzt_ros.sysid.run_in import running_in
 from pzt_ros.sysid.spikes import Spikes
 
 Picks = NDArray[np.intp]
@@ -53,7 +54,7 @@ class RunData:
     @cached_property
     def clear(self) -> NDArray[np.bool_]:
         """Samples that a model can know."""
-        clear = ~lost_turns(self.record)
+        clear = ~(lost_turns(self.record) | running_in(self.record))
         for spikes in self.spikes.values():
             clear[spikes.places] = False
         return clear

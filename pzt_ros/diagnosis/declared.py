@@ -152,11 +152,8 @@ class DeclaredHysteresis:
                 here = self._run(exact, vector, number, voltage)
                 found._rough[number] = self._rough[number]
                 difference = here - self._run(found._near(vector, number), vector, number, voltage)
-                if (
-                    isinstance(exact, Lattice)
-                    and not found._rough[number]
-                    and np.std(difference) > _ROUGH * np.ptp(here)
-                ):
+                far_off = np.std(difference) > _ROUGH * np.ptp(here)
+                if far_off and not found._rough[number] and self._may_be_rough(vector):
                     found._rough[number] = True
                     difference = here - self._run(found._near(vector, number), vector, number, voltage)
                 known, of_run = self._exact.get(number), vector[self._all_of(number)]
@@ -175,6 +172,11 @@ class DeclaredHysteresis:
         assert isinstance(link, Lattice)
         wide = dataclasses.replace(link, spacing=max(link.spacing, _WIDE), accuracy=max(link.accuracy, _LOOSE))
         return _affordable(wide, _MOST_WIDE_DOMAINS)
+
+    def _may_be_rough(self, vector: Array) -> bool:
+        """Whether the model is a lattice whose spreads did not run away: with those each step takes minutes."""
+        exact = self._valued(self.model, vector)
+        return isinstance(exact, Lattice) and _affordable(exact, _MOST_DOMAINS) is exact
 
     def link(self, vector: Array) -> Ferroelectric:
         """The ceramic with the values of the vector, its domains no more than can be waited for."""

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.identifiability import DENSITY
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, taken_on
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
+from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.errors import BenchError
 
 
@@ -59,3 +61,19 @@ def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     parts[0] = replace(parts[0], candidates=steps[place].candidates)
     opened = [replace(part, tied=(curve, STRAIN_LAW)) if part.accepted[0].name == curve else part for part in parts]
     return [*steps[:place], *opened, *steps[place + 1 :]]
+
+
+def hysteresis_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
+    """The steps, with a hysteresis of the strain left open that the base may lack itself.
+
+    Elements that slip, and relays that know no rate, are few or coarse; a hysteresis beside them that does not explain
+    all may be one of theirs.
+    """
+    if max(steps[-1].after.ratios) <= asked.floor or not steps[-1].after.staged.ceramic.knows_no_rate:
+        return steps
+    name = StrainPolarizationHysteresis.kind
+
+    def is_open(step: Step) -> bool:
+        return not step.tied and [each.name for each in step.accepted] == [name]
+
+    return [replace(step, tied=(name, DENSITY)) if is_open(step) else step for step in steps]

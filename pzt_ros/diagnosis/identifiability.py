@@ -58,7 +58,7 @@ def stood_in_for(
         blind: what the runs cannot tell apart by their design.
         asked: what counts as something and as nothing.
     """
-    left = max(declared.ratios) > asked.near_floor and identified.fit.ratio <= asked.floor
+    left = max(declared.ratios) > asked.floor and identified.fit.ratio <= asked.floor
     return ((DENSITY, *sorted(blind[0].effects)),) if blind and left else ()
 
 

@@ -14,7 +14,7 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 
 _HELD = "relaxation_time"
-_FAR = 3.0  # of its logarithm
+_FAR, _FAR_BESIDE_PASTS = 3.0, 1.0  # of its logarithm; pasts make up for what is missing, and it need not go so far
 _STEPS = 40
 _WORSE = 4.0  # times what the base leaves: it needs what it ran to
 
@@ -25,7 +25,8 @@ def with_declared_kinetics(declared: Hypothesis) -> list[Hypothesis]:
     if not isinstance(ceramic, DeclaredHysteresis):
         return []
     places = [k for k, each in enumerate(ceramic.coordinates) if each.field == _HELD and each.is_log]
-    if not any(abs(declared.vector[k] - ceramic.start[k]) > _FAR for k in places):
+    far = _FAR_BESIDE_PASTS if staged.has_past else _FAR
+    if not any(abs(declared.vector[k] - ceramic.start[k]) > far for k in places):
         return []
     kept = [each for k, each in enumerate(ceramic.coordinates) if k not in places]
     fewer = DeclaredHysteresis(ceramic.model, ceramic.quick, kept, ceramic.records, ceramic.starts)

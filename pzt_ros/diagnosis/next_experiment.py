@@ -147,7 +147,7 @@ def _fast(bench: Bench) -> Programme:
     corner = 1.0 / (2.0 * math.pi * constant)
     rate = float(np.clip(20.0 / constant, 0.2 * _FAST_RATE, _FAST_RATE))
     rest = float(np.clip(8.0 * constant, 0.02, 0.08))
-    made = bench.begun(rate, 0.35)
+    made = bench.begun(rate, 0.15)
     for share in (0.08, 0.4):
         made.pulse(bench.at(0.5 + share), rest, rest).pulse(bench.at(0.5 - share), rest, rest)
     for turn, back in ((0.95, 0.0), (0.05, 1.0)):

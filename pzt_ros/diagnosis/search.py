@@ -11,7 +11,13 @@ from itertools import chain, repeat
 import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, share_of
-from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone, without
+from pzt_ros.diagnosis.elimination import (
+    hysteresis_in_question,
+    is_law_as_good,
+    law_in_question,
+    second_alone,
+    without,
+)
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.judge import Judge
@@ -163,7 +169,8 @@ class Search(Judge):
         """The steps without what was only needed until all of them were there."""
         if steps[-1].after.fit.ratio > self.thresholds.nameable:
             return steps
-        return law_in_question(second_alone(steps, self.thresholds), self.thresholds)
+        alone = second_alone(steps, self.thresholds)
+        return hysteresis_in_question(law_in_question(alone, self.thresholds), self.thresholds)
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]

@@ -24,6 +24,7 @@ from pzt_ros.sysid.start import CountedPart, counted_part, misfit_at, pays, sett
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
+_MOST_BASES = 4  # pasts that a search for another begins from: none, as runs are poled, and as fitted runs began
 _LEAST_SPREAD = 0.3  # of the largest value, where the fitted runs agree by chance or are few
 _SOON = 0.1  # of what went before a run that is not known: it was not long after those that are
 _UNIT = 1e-9  # [SI]; a difference in a linear parameter, where nothing is expected of it
@@ -187,11 +188,10 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
     """As short a past as the samples ask for; hardly any of a run from rest."""
     if not begins_driven(counted.record):
         return base if base.occupancy else settle(model, counted, [base], noise=noise)
-    bases = [replace(base, prior_voltages=())]
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
-    if poled:
-        bases.append(replace(base, prior_voltages=(float(np.median(poled)),)))
-    return settle(model, counted, bases, noise=noise)
+    pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
+    bases = [replace(base, prior_voltages=past) for past in dict.fromkeys(pasts)]
+    return settle(model, counted, bases[:_MOST_BASES], noise=noise)
 
 
 def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:

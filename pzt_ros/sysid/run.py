@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.errors import BenchError
-from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.chain import Chain, ChainState
+from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.records import Record
 
@@ -114,10 +115,7 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
         BenchError: the chain gives no displacement, or none that is finite.
     """
     chain = with_own_values(chain, start)
-    rest, times, voltages = prepared_drive(record, start)
-    state = chain.init(rest)
-    if times.size:
-        state, _ = chain.step(state, Signals(time=times, voltage=voltages))
+    state = _begun(chain, record, start)
     kept: list[Signals] = []
     wanted = np.zeros(len(record), dtype=bool)
     wanted[picks] = True
@@ -126,6 +124,23 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
         state, out = chain.step(state, drive_of(record, part))
         kept.append(_pick(out, wanted[part]))
     return _joined(kept, chain, start.offset)
+
+
+def _begun(chain: Chain, record: Record, start: Start) -> ChainState:
+    """The state at the first sample: the ceramic with its history, all other links at rest there, as they are fitted.
+
+    A history is voltages at the ceramic; what links before it made of a command that nobody knows it does not say.
+    """
+    rest, times, voltages = prepared_drive(record, start)
+    at_first = Rest(time=float(record.time[0]), voltage=float(record.voltage[0]))
+    states = []
+    for link in chain.links:
+        is_ceramic = isinstance(link, Ferroelectric)
+        state = link.init(rest if is_ceramic else at_first)
+        if is_ceramic and times.size:
+            state, _ = link.step(state, Signals(time=times, voltage=voltages))
+        states.append(state)
+    return tuple(states)
 
 
 def with_own_values(chain: Chain, start: Start) -> Chain:

@@ -24,6 +24,7 @@ from pzt_ros.physics.surrogate import with_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
+from pzt_ros.sysid.run_in import running_in
 
 _LONGEST, _LONGEST_FROM_REST = 8, 2
 """Prior reversals at most of a run that begins driven: inside minor loops it takes one to four to come down to the
@@ -66,10 +67,12 @@ class CountedPart:
 
 
 def counted_part(record: Record, span: Span, most: int) -> CountedPart:
-    """At most `most` evenly chosen samples of a span; the chain still runs over all of them."""
+    """At most `most` evenly chosen samples of a span that a chain can know; it still runs over all of them."""
     first, after = span.of(record)
     stride = math.ceil((after - first) / most)
-    return CountedPart(record, np.arange(first, after, stride), after)
+    picks = np.arange(first, after, stride)
+    known = picks[~running_in(record)[picks]]
+    return CountedPart(record, known if known.size else picks, after)
 
 
 def telling_part(part: CountedPart) -> CountedPart:
