@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from pzt_bringup.processes import SEPARATE, ProcessRow, composed
 from pzt_config.topics import NODES
 from pzt_ros.errors import BenchError
 from pzt_ros.hardware.choose import Drivers, as_parameters
+from pzt_ros.processors import shared_out
 from pzt_ros.quantities import parameters_of
 from pzt_ros.ros_environment import ros_environment
 from pzt_ros.scenario import RATES, REAL_TIME, Scenario, Timing
@@ -166,7 +168,10 @@ def _version(package: str) -> str:
 def environment(plan: Plan, in_loop: bool = False) -> dict[str, str]:
     """What a process of the graph finds in its environment; the user's own settings win.
 
-    The recorder is not in the loop: it may come later.
+    The recorder is not in the loop: it may come later. A composed loop has a processor of its own; of several axes none
+    has, there may be fewer processors.
     """
-    hurried = {"PZT_PRIORITY": "1"} if in_loop and plan.priority and plan.rate == REAL_TIME else {}
-    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), "PZT_STATUS": "1", **hurried}
+    paced = plan.rate == REAL_TIME
+    hurried = {"PZT_PRIORITY": "1"} if in_loop and plan.priority and paced else {}
+    apart = shared_out(os.sched_getaffinity(0), in_loop) if plan.composed and paced and plan.own_recorder else {}
+    return {**ros_environment(plan.folder / "log" / "ros", plan.domain), "PZT_STATUS": "1", **hurried, **apart}

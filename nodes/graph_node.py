@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from pzt_config.qos import QOS
-from pzt_config.topics import NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
+from pzt_config.topics import FLOAT, JOINT_STATE, NODES, TOPICS, Topic, published_by, readers_of, subscribed_by
 from pzt_nodes.intra_process import IntraProcess, IntraProcessClient, IntraProcessPublisher
 from pzt_nodes.messages import TYPES, block_of, diagnostics, status_of
 from pzt_nodes.parameters import declare_all, declare_text
@@ -29,6 +29,7 @@ from pzt_ros.blocks import Block, BlockError
 from pzt_ros.chains import load_chain, load_model
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Rest
+from pzt_ros.processors import processors
 from pzt_ros.scenario import Timing
 from pzt_ros.wire import encode
 
@@ -38,6 +39,8 @@ COMPLAINTS = 1.0
 """What goes on is complained of so seldom [s]."""
 PLOT_RATE = 50.0
 """The decimated topics for plotters are published at most this often [Hz]."""
+PLOTTED = tuple(topic.name for topic in TOPICS.values() if topic.type in (FLOAT, JOINT_STATE))
+"""In turn, not all in the same tick, which would be late for it."""
 
 
 class GraphNode(Node):
@@ -173,7 +176,8 @@ class GraphNode(Node):
 
     def plot(self, name: str, time_s: float, make: Callable[[], Any]) -> None:
         """Publish on a decimated topic, unless its last message is younger than 1/50 s of the run's own time."""
-        if time_s - self._plotted.get(name, -1.0) >= 1.0 / PLOT_RATE - 1e-9:
+        turn = PLOTTED.index(name) / len(PLOTTED) - 1.0
+        if time_s - self._plotted.get(name, turn / PLOT_RATE) >= 1.0 / PLOT_RATE - 1e-9:
             self._plotted[name] = time_s
             self.turns.take(lambda: self._publishers_by_topic[name].publish(make()))  # no tick waits for it
 
@@ -232,7 +236,7 @@ class GraphNode(Node):
         values = {"ticks": ticks, "ticks_per_second": round(rate, 1), **values, **self.counts}
         values["ready"] = self._was_ready
         values["nodes"] = ",".join(self.peers)
-        values["priority"] = priority()
+        values["priority"], values["processors"] = priority(), processors()
         values["cpu_s"] = round(time.process_time(), 3)
         now_said = self.get_clock().now().to_msg()
         for axis in self.axes:

@@ -25,6 +25,7 @@ from rclpy.utilities import get_default_context
 from pzt_nodes.clock_guard import ClockGuard
 from pzt_nodes.priority import take_priority
 from pzt_ros.errors import BenchError
+from pzt_ros.processors import keep_to_others, take_own
 from pzt_ros.ros_environment import orphaned
 
 if TYPE_CHECKING:
@@ -50,10 +51,12 @@ def run(makes: Sequence[Callable[[], GraphNode]]) -> int:
         signal.signal(name, lambda number, _frame: asked.append(number))
     nodes: list[GraphNode] = []
     take_priority()
+    keep_to_others()  # before DDS starts its threads
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for make in makes:
             nodes.append(make())  # noqa: PERF401 - if the next one fails, this one is still closed
+        take_own()
         return _spin(nodes, asked)
     except (BenchError, InvalidParameterValueException, InvalidParameterTypeException) as error:
         print(f"error: {_one_line(error)}", file=sys.stderr)
