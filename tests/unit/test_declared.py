@@ -104,6 +104,19 @@ def test_what_takes_the_front_models_place_has_fewer_domains_still() -> None:
     assert domains(near) <= 1.1 * declared._MOST_WIDE_DOMAINS < domains(ceramic.model)
 
 
+@pytest.mark.parametrize(("wider", "taken"), [(1.0, True), (400.0, False)])
+def test_spreads_that_ran_away_leave_the_front_model_in_its_place(
+    monkeypatch: pytest.MonkeyPatch, wider: float, taken: bool
+) -> None:
+    """A court case of one hold: each step of a search took minutes, 20,000 times what the front model takes."""
+    monkeypatch.setattr(declared, "_ROUGH", 0.0)  # so that it is always too far off
+    link = dataclasses.replace(lattice(), interaction_field_spread=wider * lattice().interaction_field_spread)
+    ceramic = searched(link)
+    found = DeclaredHysteresis(link, surrogate_of(link), ceramic.coordinates, ceramic.records, ceramic.starts)
+    exact = found.exact_at(found.start, [found.records[0].voltage])
+    assert exact._rough == [taken]
+
+
 def test_what_takes_the_front_models_place_has_its_slopes() -> None:
     """Domains a thermal width apart gave P well, but slopes that were half off: refits crept and came to no end."""
     link = lattice()

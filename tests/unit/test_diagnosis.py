@@ -28,7 +28,12 @@ from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, slow_curves, split
 from pzt_ros.diagnosis.diagnose import _tried
-from pzt_ros.diagnosis.elimination import is_law_as_good, law_in_question, second_alone
+from pzt_ros.diagnosis.elimination import (
+    hysteresis_in_question,
+    is_law_as_good,
+    law_in_question,
+    second_alone,
+)
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import _parts
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
@@ -639,6 +644,25 @@ def test_a_curve_is_left_open_that_a_law_explains_beside_what_was_found_later() 
     assert second.tied == ()
     waving = found_in_turn(hypothesis("waving_sensor+mains_hum"), "sensor_nonlinearity", "mains_hum")
     assert law_in_question(waving, Thresholds()) == waving
+
+
+@pytest.mark.parametrize(
+    ("left", "knows_no_rate", "is_open"), [(1.2, True, True), (1.04, True, False), (1.2, False, False)]
+)
+def test_a_hysteresis_that_elements_may_lack_themselves_is_left_open(
+    left: float, knows_no_rate: bool, is_open: bool
+) -> None:
+    """A court case: a drift of elements that slip, and a hysteresis of the strain for the shape of these."""
+    after = SimpleNamespace(
+        ratios=[1.0, left], staged=SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=knows_no_rate))
+    )
+    steps = [
+        Step(after, (), {}, (cast(Any, SimpleNamespace(name=name, after=after)),), (), "")
+        for name in ("thermal_drift", "strain_polarization_hysteresis")
+    ]
+    drift, hysteresis = hysteresis_in_question(steps, Thresholds())
+    assert drift is steps[0]
+    assert hysteresis.tied == (("strain_polarization_hysteresis", "hysteresis_density") if is_open else ())
 
 
 def misfitting(fit: float, selection: float) -> Any:

@@ -15,6 +15,7 @@ from pzt_ros.diagnosis import branches, flexible, judge, search
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
@@ -25,6 +26,7 @@ from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.records import Record
+from pzt_ros.sysid.run import Start
 
 NOISE = 8e-9
 
@@ -66,6 +68,29 @@ def test_kinetics_that_ran_away_are_held_as_declared() -> None:
     assert held.vector.size == found.vector.size
     others = [k for k in range(found.vector.size) if k != place]
     assert np.allclose(held.vector[others], found.vector[others], atol=0.01)
+
+
+@pytest.mark.parametrize("has_past", [False, True])
+def test_pasts_make_up_for_much_so_kinetics_are_held_sooner(has_past: bool) -> None:
+    """A court case: beside pasts the relaxation time went to 7 x only, and a bandwidth was left at 8 x the noise."""
+    found = base()
+    (place,) = (k for k, each in enumerate(found.staged.ceramic.coordinates) if each.field == "relaxation_time")
+    away = found.vector.copy()
+    away[place] += 2.0
+    staged = found.staged
+    if has_past:
+        late = [dataclasses.replace(run, record=_from_later(run.record)) for run in staged.runs]
+        starts = [Start() for _ in late]
+        ceramic = DeclaredHysteresis(
+            staged.ceramic.model, staged.ceramic.quick, staged.ceramic.coordinates, [run.record for run in late], starts
+        )
+        staged = dataclasses.replace(staged, runs=split(late[:1], late[1:]), ceramic=ceramic)
+    assert staged.has_past is has_past
+    assert len(with_declared_kinetics(fitted(staged, away, most_steps=0))) == int(has_past)
+
+
+def _from_later(record: Record) -> Record:
+    return Record(record.name, {name: column[150:] for name, column in record.columns.items()})
 
 
 @pytest.mark.parametrize(("effect", "share"), [("amplifier_current_limit", 1.0), ("sensor_lag", 0.0)])
@@ -164,6 +189,36 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     first, second = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert len(searched) == (0 if takes_all else 1)
     assert (first.density, second.density) == ("gaussian", "identified")
+
+
+@pytest.mark.parametrize(("last", "tried"), [(1.08, 0), (1.2, 2)])
+def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
+    monkeypatch: pytest.MonkeyPatch, last: float, tried: int
+) -> None:
+    """No other would be believed instead; four minutes were spent on identifying densities."""
+    declared = leaving(1.3, 1.3, 1.3)
+    declared.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
+    declared.over_noise = 1.69
+    named = leaving(1.0, 1.01, last, effects=("sensor_lag",))
+    named.over_noise = 1.01
+    others: list[str] = []
+
+    def other(name: str) -> Any:
+        return lambda *_: others.append(name) or [branches.Branch("identified", leaving(1.0, 1.0), ())]
+
+    step = Step(declared, (), {}, (SimpleNamespace(after=named, name="sensor_lag"),), (), "")
+    monkeypatch.setattr(Search, "run", lambda self, found: [step])
+    monkeypatch.setattr(Search, "explains", lambda self, steps, base: False)
+    monkeypatch.setattr(Search, "blind", lambda self, found: [])
+    monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
+    monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
+    monkeypatch.setattr(Search, "is_outdone", lambda self, steps, base: True)
+    monkeypatch.setattr(branches, "_better", lambda declared, steps: declared)
+    monkeypatch.setattr(branches, "_on_elements", other("elements"))
+    monkeypatch.setattr(branches, "_on_relays", other("relays"))
+    found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    assert found[0].final is named
+    assert len(others) == tried
 
 
 @pytest.mark.parametrize(("made_up", "driven"), [([True, False], [False, True]), ([False, True], [False, True])])

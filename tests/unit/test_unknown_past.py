@@ -13,20 +13,26 @@ from pzt_benchmarks.residual_court.cases import RIGHT, Case, Spec, make_case
 from pzt_benchmarks.residual_court.files import write_case
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis.base import fit_declared
-from pzt_ros.diagnosis.data import split
+from pzt_ros.diagnosis.coordinates import coordinate
+from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.outcome import model_of
+from pzt_ros.diagnosis.staged import Staged
+from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
+from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.records import Record, read_csv
+from pzt_ros.sysid import predict as predict_module
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms
+from pzt_ros.sysid.run_in import running_in
 from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part, telling_part
 
 NOISE = 12e-9
@@ -223,3 +229,59 @@ def test_reversals_are_unknowns_of_their_run_alone() -> None:
     step = 5e-4
     moved = ceramic.polarization(ceramic.start + np.array([0.0, step, 0.0]), voltages)[0]
     np.testing.assert_allclose(first[:, 1], (moved - here[0]) / step, atol=0.05 * np.max(np.abs(first[:, 1])))
+
+
+def sine(first: float, rate: float = 1e3) -> Record:
+    """Three cycles about 60 V at 8 Hz from a phase [rad]."""
+    time = np.arange(0.0, 3.0 / 8.0, 1.0 / rate)
+    voltage = 60.0 + 60.0 * np.sin(2.0 * np.pi * 8.0 * time + first)
+    return Record("sine", {"time_s": time, "voltage_V": voltage, "displacement_m": 1e-7 * voltage})
+
+
+@pytest.mark.parametrize(("first", "samples"), [(0.0, 38), (-0.5 * np.pi, 0)])
+def test_the_first_moments_of_a_run_in_motion_do_not_count(first: float, samples: int) -> None:
+    """50 ms, or a tenth of a short run; from rest at 0 V a lag starts as it is modelled."""
+    record = sine(first)
+    early = running_in(record)
+    assert np.count_nonzero(early) == samples
+    assert not np.any(early[samples:])
+    train, test = split([RunData(record, {}, NOISE)], [RunData(record, {}, NOISE)])
+    assert train.picks["fit"][0] == test.picks["selection"][0] == samples
+    assert counted_part(record, Span(), 10_000).picks[0] == samples
+
+
+def test_a_run_that_rests_at_first_counts_from_there() -> None:
+    voltage = np.concatenate((np.full(500, 80.0), sine(0.4).voltage[60:]))
+    time = np.arange(voltage.size) * 1e-3
+    assert not np.any(running_in(Record("held", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})))
+
+
+def test_a_free_run_begins_as_the_fit_began() -> None:
+    """The filters once went through the reversals in a prediction, but not in the fit: 3 x the noise, all along."""
+    record = sine(0.4)
+    late = (AmplifierBandwidth(time_constant=2.5e-3), MODEL_LINK, STRAIN, SensorLag(lag=4e-3))
+    start = Start((150.0, 20.0, 118.0), 0.06)
+    ceramic = DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [], [record], [start])
+    chain = Chain("late", late)
+    (run,) = split([RunData(record, {}, NOISE)], [])
+    staged = Staged(chain, ceramic, [run], (coordinate(STRAIN, "coefficient"),))
+    ((fitted_displacement, _),) = staged.outputs(staged.start, [0])
+    model = free_run(chain, record, start, slice(None), len(record)).displacement
+    np.testing.assert_allclose(model, fitted_displacement, atol=1e-3 * NOISE)
+
+
+def test_a_past_is_also_sought_from_those_of_the_fitted_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From none and from how runs are poled the search of a sine ended 5 x the noise off, a reversal short."""
+    asked: list[list[tuple[float, ...]]] = []
+
+    def settled(chain: Chain, part: object, bases: Sequence[Start], noise: float) -> Start:
+        asked.append([base.prior_voltages for base in bases])
+        return bases[-1]
+
+    monkeypatch.setattr(predict_module, "settle", settled)
+    runs = [
+        {"sha256": str(number), "prior_voltage_V": list(past), "leg_s": 0.06, "offset_m": 0.0}
+        for number, past in enumerate([(150.0, 20.0), (), (150.0, 20.0), (144.0, 8.0, 120.0), (1.0,)])
+    ]
+    predict(Chain("model", (MODEL_LINK, STRAIN), {"start": {"runs": runs}}), sine(0.4))
+    assert asked == [[(), (147.0,), (150.0, 20.0), (144.0, 8.0, 120.0)]]
