@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from pathlib import Path
 
 __version__ = "0.1.0"
@@ -23,6 +24,8 @@ def _place_compiled_code() -> None:
             digest.update(source)
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     os.environ.setdefault("NUMBA_CACHE_DIR", str(cache / "pzt_ros" / digest.hexdigest()[:16]))
+    if "numba" in sys.modules:  # another package came first, and Numba looked already
+        sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 
 _place_compiled_code()

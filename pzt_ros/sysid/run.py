@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.errors import BenchError
+from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain, ChainState
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -127,18 +128,20 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
 
 
 def _begun(chain: Chain, record: Record, start: Start) -> ChainState:
-    """The state at the first sample: the ceramic with its history, all other links at rest there, as they are fitted.
+    """The state at the first sample: amplifier and ceramic with the history, all others at rest, as they are fitted.
 
-    A history is voltages at the ceramic; what links before it made of a command that nobody knows it does not say.
+    A history is reversals of the voltage at the ceramic, over the gain; what links made of a command that nobody knows
+    it does not say.
     """
     rest, times, voltages = prepared_drive(record, start)
     at_first = Rest(time=float(record.time[0]), voltage=float(record.voltage[0]))
+    before = Signals(time=times, voltage=voltages)
     states = []
     for link in chain.links:
-        is_ceramic = isinstance(link, Ferroelectric)
-        state = link.init(rest if is_ceramic else at_first)
-        if is_ceramic and times.size:
-            state, _ = link.step(state, Signals(time=times, voltage=voltages))
+        has_history = isinstance(link, Amplifier | Ferroelectric)
+        state = link.init(rest if has_history else at_first)
+        if has_history and times.size:
+            state, before = link.step(state, before)
         states.append(state)
     return tuple(states)
 

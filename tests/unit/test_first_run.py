@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,3 +67,10 @@ def test_another_checkout_of_the_same_sources_compiles_for_itself(
     monkeypatch.setattr(first_run, "__file__", "/elsewhere/pzt_ros/first_run.py")
     compile_once(load_scenario("scan"), told.append)
     assert len(told) == 2
+
+
+def test_code_of_older_sources_is_not_used_whoever_imports_numba_first() -> None:
+    """It once gave NaN for a bandwidth, in tests that import the court first."""
+    ask = "import numba, os; import pzt_ros; print(numba.config.CACHE_DIR == os.environ['NUMBA_CACHE_DIR'] != '')"
+    done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True)
+    assert (done.stdout.strip(), done.stderr) == ("True", "")

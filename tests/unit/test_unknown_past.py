@@ -24,6 +24,7 @@ from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.thermal_drift import ThermalDrift
+from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -268,6 +269,17 @@ def test_a_free_run_begins_as_the_fit_began() -> None:
     ((fitted_displacement, _),) = staged.outputs(staged.start, [0])
     model = free_run(chain, record, start, slice(None), len(record)).displacement
     np.testing.assert_allclose(model, fitted_displacement, atol=1e-3 * NOISE)
+
+
+def test_the_reversals_of_a_history_pass_the_gain() -> None:
+    """A measured stack is driven with 0 to 3.6 V at the input: its past was once sought in these at the ceramic."""
+    record, start = sine(0.4), Start((150.0, 20.0, 118.0), 0.06)
+    columns = {**record.columns, "voltage_V": record.voltage / 25.0}
+    at_input = Start(tuple(voltage / 25.0 for voltage in start.prior_voltages), 0.06)
+    amplified = Chain("amplified", (Amplifier(gain=25.0), MODEL_LINK, STRAIN))
+    expected = free_run(MODEL, record, start, slice(None), len(record)).displacement
+    found = free_run(amplified, Record("input", columns), at_input, slice(None), len(record)).displacement
+    np.testing.assert_allclose(found, expected, atol=1e-3 * NOISE)
 
 
 def test_a_past_is_also_sought_from_those_of_the_fitted_runs(monkeypatch: pytest.MonkeyPatch) -> None:
