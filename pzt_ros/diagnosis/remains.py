@@ -60,8 +60,9 @@ def remains_of(runs: Sequence[RunData], residuals: Sequence[Array], floor: float
         slow_floor: the same for slow means.
     """
     left = [np.where(run.clear, centred(run, r), 0.0) for run, r in zip(runs, residuals, strict=True)]
-    rms = math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
-    ratios = [math.sqrt(float(np.mean(r**2))) / run.noise for run, r in zip(runs, left, strict=True)]
+    squares, counted = [float(r @ r) for r in left], [max(int(np.count_nonzero(run.clear)), 1) for run in runs]
+    rms = math.sqrt(sum(squares) / sum(counted))
+    ratios = [math.sqrt(ssr / n) / run.noise for ssr, n, run in zip(squares, counted, runs, strict=True)]
     slow = [_slow_ratio(run, r, colour) for run, r, colour in zip(runs, left, _colours(runs), strict=True)]
     times = math.sqrt(float(np.mean(np.square(ratios))))
     seen = [_described(runs, left, ratios)] if max(ratios) > floor or max(slow) > slow_floor else []
