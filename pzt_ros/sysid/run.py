@@ -130,8 +130,8 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
 def _begun(chain: Chain, record: Record, start: Start) -> ChainState:
     """The state at the first sample: amplifier and ceramic with the history, all others at rest, as they are fitted.
 
-    A history is reversals of the voltage at the ceramic, over the gain; what links made of a command that nobody knows
-    it does not say.
+    A history is reversals of the voltage as it was recorded, which only the amplifier takes to the ceramic: what
+    effects made of a command that nobody knows it does not say.
     """
     rest, times, voltages = prepared_drive(record, start)
     at_first = Rest(time=float(record.time[0]), voltage=float(record.voltage[0]))

@@ -108,7 +108,7 @@ def test_what_takes_the_front_models_place_has_fewer_domains_still() -> None:
 def test_spreads_that_ran_away_leave_the_front_model_in_its_place(
     monkeypatch: pytest.MonkeyPatch, wider: float, taken: bool
 ) -> None:
-    """A court case of one hold: each step of a search took minutes, 20,000 times what the front model takes."""
+    """A court case of one hold: each step of a search took seconds, a run 2,000 times what the front model takes."""
     monkeypatch.setattr(declared, "_ROUGH", 0.0)  # so that it is always too far off
     link = dataclasses.replace(lattice(), interaction_field_spread=wider * lattice().interaction_field_spread)
     ceramic = searched(link)
