@@ -25,7 +25,7 @@ from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.physics.surrogate import ACCURACY, surrogate_of
 from pzt_ros.sysid.parameters import free_parameters, without_noise
-from pzt_ros.sysid.run import Start
+from pzt_ros.sysid.run import Start, amplifier_gain
 
 _SCALE = "domain_polarization"
 """Strain goes with its square, so displacement alone cannot tell it from the strain's coefficient."""
@@ -131,7 +131,8 @@ def _solved(
     own = [each for link, each in coordinates if isinstance(link, Ferroelectric)]
     others = tuple(each for link, each in coordinates if not isinstance(link, Ferroelectric))
     records = [run.record for run in runs]
-    ceramic = DeclaredHysteresis(model, surrogate_of(model), own, records, [Start() for _ in runs])
+    starts = [Start() for _ in runs]
+    ceramic = DeclaredHysteresis(model, surrogate_of(model), own, records, starts, amplifier_gain(chain))
     replaced = chain.with_links(lambda link: model if isinstance(link, Ferroelectric) else link)
     staged = Staged(replaced, ceramic, runs, others)
     return fitted(staged, staged.start, most_steps=_STEPS)

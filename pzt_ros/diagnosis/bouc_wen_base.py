@@ -17,7 +17,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.physics.bouc_wen import BoucWen
 from pzt_ros.physics.strain_law import StrainLaw
-from pzt_ros.sysid.run import Start
+from pzt_ros.sysid.run import Start, amplifier_gain
 
 _POLARIZATION = 0.2  # C/m^2 over the range of the field, where no run says
 _HEIGHTS = 0.02, 0.05  # of it
@@ -67,7 +67,8 @@ def _fitted_from(declared: Hypothesis, link: BoucWen, span: float) -> Hypothesis
     coordinates.append(coordinate(link, "growth", 1.0 / span))
     if any(run.has_polarization for run in runs):  # displacement alone cannot tell the scale of P from the law's
         coordinates.append(coordinate(link, "susceptibility"))
-    ceramic = DeclaredHysteresis(link, link, coordinates, [run.record for run in runs], [Start() for _ in runs])
+    records, starts = [run.record for run in runs], [Start() for _ in runs]
+    ceramic = DeclaredHysteresis(link, link, coordinates, records, starts, amplifier_gain(declared.staged.chain))
     motion = max(float(np.ptp(run.record.displacement)) for run in runs)
     staged, start = beside_the_rest(declared, ceramic, StrainLaw(linear=motion / _POLARIZATION, quadratic=0.0), 2)
     return fitted(staged, start, most_steps=_STEPS)

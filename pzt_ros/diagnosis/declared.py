@@ -19,7 +19,7 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
-from pzt_ros.sysid.run import Start, prepared_drive
+from pzt_ros.sysid.run import Start, begun_ceramic
 from pzt_ros.sysid.start import prior_shares, with_shares
 
 _STEP = 1e-3
@@ -100,6 +100,7 @@ class DeclaredHysteresis:
         coordinates: its free parameters.
         records: the runs.
         starts: their histories; how many prior reversals a run has is fixed here.
+        gain: of the amplifier, which takes these histories to the ceramic [-].
     """
 
     def __init__(
@@ -109,8 +110,9 @@ class DeclaredHysteresis:
         coordinates: Sequence[Coordinate],
         records: Sequence[Record],
         starts: Sequence[Start],
+        gain: float = 1.0,
     ) -> None:
-        self.model, self.quick = model, quick
+        self.model, self.quick, self.gain = model, quick, gain
         self.knows_no_rate = model.knows_no_rate
         self.coordinates = tuple(coordinates)
         self.records, self.starts = tuple(records), tuple(starts)
@@ -129,11 +131,11 @@ class DeclaredHysteresis:
 
     def with_starts(self, starts: Sequence[Start]) -> DeclaredHysteresis:
         """The same ceramic with other histories."""
-        return DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, starts)
+        return DeclaredHysteresis(self.model, self.quick, self.coordinates, self.records, starts, self.gain)
 
     def with_model(self, model: Ferroelectric) -> DeclaredHysteresis:
         """The same with another link, which is moved itself, without a fast model in its place."""
-        return DeclaredHysteresis(model, model, self.coordinates, self.records, self.starts)
+        return DeclaredHysteresis(model, model, self.coordinates, self.records, self.starts, self.gain)
 
     def for_one_search(self) -> DeclaredHysteresis:
         """A copy that keeps tangents for as long as they serve; what it gives depends on what it was asked before."""
@@ -259,10 +261,7 @@ class DeclaredHysteresis:
 
     def _run(self, link: Ferroelectric, vector: Array, number: int, voltage: Array) -> Array:
         record = self.records[number]
-        rest, times, before = prepared_drive(record, self.start_of(vector, number))
-        state = link.init(rest)
-        if times.size:
-            state, _ = link.step(state, Signals(time=times, voltage=before))
+        state = begun_ceramic(link, record, self.start_of(vector, number), self.gain)
         _, out = link.step(state, Signals(time=record.time, voltage=voltage))
         return out.polarization
 

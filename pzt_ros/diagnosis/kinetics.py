@@ -29,7 +29,7 @@ def with_declared_kinetics(declared: Hypothesis) -> list[Hypothesis]:
     if not any(abs(declared.vector[k] - ceramic.start[k]) > far for k in places):
         return []
     kept = [each for k, each in enumerate(ceramic.coordinates) if k not in places]
-    fewer = DeclaredHysteresis(ceramic.model, ceramic.quick, kept, ceramic.records, ceramic.starts)
+    fewer = DeclaredHysteresis(ceramic.model, ceramic.quick, kept, ceramic.records, ceramic.starts, ceramic.gain)
     held = dataclasses.replace(staged, ceramic=fewer)
     vector = staged.start
     vector[np.delete(np.arange(vector.size), places)] = exact(fitted(held, held.start, most_steps=_STEPS)).vector

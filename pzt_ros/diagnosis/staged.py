@@ -20,9 +20,9 @@ from pzt_ros.effects.insert import without_effect
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.link import Link
+from pzt_ros.physics.link import Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
-from pzt_ros.sysid.run import Start
+from pzt_ros.sysid.run import Start, begun
 
 _STEP = 1e-4  # of a coordinate
 
@@ -211,7 +211,9 @@ class Staged:
 
     def _driven(self, vector: Array, number: int) -> Signals:
         """The signals at the ceramic."""
-        return _passed(self._links(vector, number)[: self._place], self.runs[number].signals)
+        run, links = self.runs[number], self._links(vector, number)[: self._place]
+        start = self.ceramic.start_of(vector[: self._own], number)
+        return _stepped(links, begun(links, run.record, start), run.signals)
 
     def _behind(self, vector: Array, number: int) -> tuple[Link, ...]:
         return self._links(vector, number)[self._place + 1 :]
@@ -246,8 +248,12 @@ class Staged:
 def _passed(links: Sequence[Link], signals: Signals) -> Signals:
     """Signals behind a row of links that start at rest where the run starts."""
     rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
-    for link in links:
-        _, signals = link.step(link.init(rest), signals)
+    return _stepped(links, [link.init(rest) for link in links], signals)
+
+
+def _stepped(links: Sequence[Link], states: Sequence[State], signals: Signals) -> Signals:
+    for link, state in zip(links, states, strict=True):
+        _, signals = link.step(state, signals)
     return signals
 
 

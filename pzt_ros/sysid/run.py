@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain, ChainState
 from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.link import Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.records import Record
 
@@ -88,23 +90,21 @@ def typical_leg(record: Record) -> float:
     return duration * span / travel if travel > 0.0 else duration
 
 
-def prepared_drive(record: Record, start: Start) -> tuple[Rest, Array, Array]:
-    """Rest, and the times [s] and voltages [V] before the first sample.
+def prepared_drive(record: Record, start: Start, gain: float = 1.0) -> tuple[Rest, Signals]:
+    """Rest, and the drive before the first sample, behind a gain [-].
 
     A run that starts at 0 V without a prior history rests there: its first step has no length.
     """
-    first_time, first_voltage = float(record.time[0]), float(record.voltage[0])
+    first_time, first_voltage = float(record.time[0]), gain * float(record.voltage[0])
+    nothing = Signals(time=np.empty(0), voltage=np.empty(0))
     if start.occupancy:
-        return (
-            Rest(time=first_time, voltage=first_voltage, occupancy=np.array(start.occupancy)),
-            np.empty(0),
-            np.empty(0),
-        )
+        return Rest(time=first_time, voltage=first_voltage, occupancy=np.array(start.occupancy)), nothing
     if not start.prior_voltages and first_voltage == 0.0:
-        return Rest(time=first_time), np.empty(0), np.empty(0)
+        return Rest(time=first_time), nothing
     legs = len(start.prior_voltages)
     times = first_time - start.leg * np.arange(legs, 0, -1.0)
-    return Rest(time=first_time - start.leg * (legs + 1)), times, np.array(start.prior_voltages)
+    before = Signals(time=times, voltage=gain * np.array(start.prior_voltages))
+    return Rest(time=first_time - start.leg * (legs + 1)), before
 
 
 def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp] | slice, end: int) -> Signals:
@@ -116,7 +116,7 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
         BenchError: the chain gives no displacement, or none that is finite.
     """
     chain = with_own_values(chain, start)
-    state = _begun(chain, record, start)
+    state = begun(chain.links, record, start)
     kept: list[Signals] = []
     wanted = np.zeros(len(record), dtype=bool)
     wanted[picks] = True
@@ -127,23 +127,41 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
     return _joined(kept, chain, start.offset)
 
 
-def _begun(chain: Chain, record: Record, start: Start) -> ChainState:
-    """The state at the first sample: amplifier and ceramic with the history, all others at rest, as they are fitted.
+def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
+    """The states at the first sample: amplifier and ceramic with the history, all others at rest.
 
     A history is reversals of the voltage as it was recorded, which only the amplifier takes to the ceramic: what
     effects made of a command that nobody knows it does not say.
     """
-    rest, times, voltages = prepared_drive(record, start)
     at_first = Rest(time=float(record.time[0]), voltage=float(record.voltage[0]))
-    before = Signals(time=times, voltage=voltages)
-    states = []
-    for link in chain.links:
-        has_history = isinstance(link, Amplifier | Ferroelectric)
-        state = link.init(rest if has_history else at_first)
-        if has_history and times.size:
-            state, before = link.step(state, before)
-        states.append(state)
+    states, gain = [], 1.0
+    for link in links:
+        if isinstance(link, Amplifier):
+            rest, before = prepared_drive(record, start, gain)
+            rest = replace(rest, voltage=link.gain * rest.voltage)  # at rest it is at the voltage of the ceramic
+            states.append(_after(link, rest, before))
+            gain *= link.gain
+            at_first = replace(at_first, voltage=link.gain * at_first.voltage)
+        elif isinstance(link, Ferroelectric):
+            states.append(begun_ceramic(link, record, start, gain))
+        else:
+            states.append(link.init(at_first))
     return tuple(states)
+
+
+def begun_ceramic(link: Ferroelectric, record: Record, start: Start, gain: float) -> State:
+    """The state of the ceramic at the first sample, behind an amplifier with a gain [-]."""
+    return _after(link, *prepared_drive(record, start, gain))
+
+
+def amplifier_gain(chain: Chain) -> float:
+    """Voltage across the ceramic over the voltage that is recorded [-]."""
+    return math.prod(link.gain for link in chain.links if isinstance(link, Amplifier))
+
+
+def _after(link: Link, rest: Rest, before: Signals) -> State:
+    state = link.init(rest)
+    return link.step(state, before)[0] if before.time.size else state
 
 
 def with_own_values(chain: Chain, start: Start) -> Chain:

@@ -32,7 +32,7 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.records import Record, read_csv
 from pzt_ros.sysid import predict as predict_module
 from pzt_ros.sysid.predict import predict
-from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms
+from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms
 from pzt_ros.sysid.run_in import running_in
 from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part, telling_part
 
@@ -257,18 +257,36 @@ def test_a_run_that_rests_at_first_counts_from_there() -> None:
     assert not np.any(running_in(Record("held", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})))
 
 
-def test_a_free_run_begins_as_the_fit_began() -> None:
-    """The filters once went through the reversals in a prediction, but not in the fit: 3 x the noise, all along."""
+@pytest.mark.parametrize(
+    "amplifier",
+    [Amplifier(), Amplifier(gain=25.0), Amplifier(gain=25.0, bandwidth=300.0), Amplifier(gain=25.0, slew_rate=4e3)],
+)
+@pytest.mark.parametrize("pasts", [(150.0, 20.0, 118.0), ()])
+def test_a_free_run_begins_as_the_fit_began(amplifier: Amplifier, pasts: tuple[float, ...]) -> None:
+    """Filters went through the reversals in a prediction only: 3 x the noise, all along; a gain did, too: 64 x."""
     record = sine(0.4)
-    late = (AmplifierBandwidth(time_constant=2.5e-3), MODEL_LINK, STRAIN, SensorLag(lag=4e-3))
-    start = Start((150.0, 20.0, 118.0), 0.06)
-    ceramic = DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [], [record], [start])
-    chain = Chain("late", late)
+    record = Record("input", {**record.columns, "voltage_V": record.voltage / amplifier.gain})
+    start = Start(tuple(voltage / amplifier.gain for voltage in pasts), 0.06)
+    chain = Chain(
+        "late", (amplifier, AmplifierBandwidth(time_constant=2.5e-3), MODEL_LINK, STRAIN, SensorLag(lag=4e-3))
+    )
+    ceramic = DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [], [record], [start], amplifier_gain(chain))
     (run,) = split([RunData(record, {}, NOISE)], [])
     staged = Staged(chain, ceramic, [run], (coordinate(STRAIN, "coefficient"),))
     ((fitted_displacement, _),) = staged.outputs(staged.start, [0])
     model = free_run(chain, record, start, slice(None), len(record)).displacement
     np.testing.assert_allclose(model, fitted_displacement, atol=1e-3 * NOISE)
+
+
+def test_a_declared_fit_takes_pasts_through_the_gain() -> None:
+    """PICMA and an AFM axis are recorded with the volts at the amplifier's input."""
+    columns = {**INSIDE.columns, "voltage_V": INSIDE.voltage / 25.0}
+    notes = {"free": ["electrostriction.coefficient"]}
+    amplified = Chain("amplified", (Amplifier(gain=25.0), MODEL_LINK, STRAIN), notes)
+    runs = split(with_floors((Record("input", columns),)), [])
+    found = fit_declared(amplified, runs, lambda text: None)
+    assert found.fit.ratio < 1.1
+    assert found.staged.ceramic.start_of(found.vector, 0).prior_voltages[0] > 126.0 / 25.0
 
 
 def test_the_reversals_of_a_history_pass_the_gain() -> None:
