@@ -31,6 +31,7 @@ def draw(judged: Judged, folder: Path) -> None:
                 1, 3, figsize=(11.5, 3.6), gridspec_kw={"width_ratios": [0.8, 1.4, 1.0]}
             )
             run, score = judged.test, judged.test.picks[SCORE]
+            counted = np.concatenate((run.picks[SELECTION], score))
             voltage = run.record.voltage
             loop.plot(voltage, 1e6 * run.record.displacement, color=theme.ink, linewidth=0.8)
             loop.set(title="Test run", xlabel="voltage, V", ylabel="displacement, µm")
@@ -38,7 +39,7 @@ def draw(judged: Judged, folder: Path) -> None:
                 residual = 1e9 * judged.residuals[name]
                 time.plot(run.record.time, residual, color=colour, linewidth=0.8, label=name)
                 drive.plot(voltage[score], residual[score], color=colour, linewidth=0.5)
-            reach = _ROOM * float(np.max(np.abs(residual)))  # of the identified base; the declared one may go beyond
+            reach = _ROOM * float(np.max(np.abs(residual[counted])))  # of the identified base; the declared one may go beyond
             time.set_ylim(-reach, reach)
             drive.set_ylim(-reach, reach)
             _mark(time, run, theme)
