@@ -21,7 +21,7 @@ from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.hypothesis import Hypothesis
-from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for
+from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for, taken_up
 from pzt_ros.diagnosis.intervals import note_intervals
 from pzt_ros.diagnosis.next_experiment import (
     Bench,
@@ -113,6 +113,9 @@ def _report(
     if sparse:
         remains = dataclasses.replace(remains, present=False)
     effects = _found(chosen, runs, (before, after), reached.model, command)
+    silent = "" if effects or tied or remains.present else _SILENT[sparse]
+    if silent and not sparse:
+        tied = taken_up(blind)
     why, design = _next_experiment(effects, tied, remains, sparse, blind)
     drive = designed(design, _bench(chosen, runs), why) if design else None
     return Report(
@@ -138,7 +141,7 @@ def _report(
             *_lost(runs),
             *_spiky(runs),
         ),
-        verdict=_verdict(effects, tied, remains, (before, after), len(runs) > trained, sparse)
+        verdict=_verdict(effects, tied, remains, (before, after), len(runs) > trained, silent)
         + _by_chance(chosen.final, remains, after),
         baselines=baselines(runs),
         command=command,
@@ -348,7 +351,7 @@ def _verdict(
     remains: Remains,
     errors: tuple[Errors, Errors],
     tested: bool,
-    sparse: bool,
+    silent: str,
 ) -> str:
     before, after = errors
     which = "runs not fitted" if tested else "the train runs"
@@ -357,12 +360,13 @@ def _verdict(
     sentences = []
     if effects:
         sentences.append(f"Missing: {', '.join(_words(e.name) for e in effects)}; {fall}")
+    if silent:
+        sentences.append(f"{silent}: {remains.times_noise:.2f} x the noise floor is left")
     if tied:
         either = " or ".join(_words(name) for name in tied[0])
         same = effects or after is before
-        sentences.append(f"Not identifiable from this data: {either}" + ("" if same else f"; {fall}"))
-    if not effects and not tied and not remains.present:
-        sentences.append(f"{_SILENT[sparse]}: {remains.times_noise:.2f} x the noise floor is left")
+        why = ", which could hide there" if silent else ""
+        sentences.append(f"Not identifiable from this data{why}: {either}" + ("" if same else f"; {fall}"))
     if remains.present:
         start = "Something is missing that is not named" if not (effects or tied) else "Something unexplained remains"
         sentences.append(f"{start}: {remains.what_is_seen}")

@@ -62,6 +62,11 @@ def stood_in_for(
     return ((DENSITY, *sorted(blind[0].effects)),) if blind and left else ()
 
 
+def taken_up(blind: Sequence[Alike]) -> tuple[tuple[str, ...], ...]:
+    """What the hysteresis may have taken up on runs whose design hides it, though nothing is left: groups of names."""
+    return tuple((DENSITY, *sorted(each.effects)) for each in blind)
+
+
 DENSITY = "hysteresis_density"
 """In the place of an effect, see effects/confounded.py."""
 

@@ -118,6 +118,17 @@ def run(seed: int, effect: str = "none", noise: float = NOISE) -> Record:
     return Record(f"run-{seed}", {"time_s": time, "voltage_V": voltage, "displacement_m": y})
 
 
+def one_loop(seed: int, effect: str = "none") -> Record:
+    """As `run`, but cycles of one sine all along."""
+    time = np.arange(0.0, 6.0, 1.0 / RATE)
+    voltage = 50.0 * (1.0 - np.cos(2.0 * np.pi * 2.0 * time))
+    chain = plant()
+    _, out = chain.step(chain.init(Rest()), Signals(time=time, voltage=voltage))
+    noise = NOISE * np.random.default_rng(100 + seed).standard_normal(time.size)
+    y = reading(effect, time, out.displacement, seed) + noise
+    return Record(f"loop-{seed}", {"time_s": time, "voltage_V": voltage, "displacement_m": y})
+
+
 def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
     """The effects, one or `one+another`, by other means than the library's."""
     if "+" in effect:
@@ -163,6 +174,20 @@ def _backlash(y: Array, width: float) -> list[float]:
 @pytest.fixture(scope="module")
 def null() -> Report:
     return diagnose([run(1), run(2)], [run(3)], declared())
+
+
+def test_silence_of_runs_that_show_one_loop_names_what_it_may_hide(null: Report) -> None:
+    """Twice in the court: a lag and a bandwidth of 1.5 x, which the hysteresis had taken up, and nothing was said."""
+    report = diagnose([one_loop(1)], [one_loop(2)], declared())
+    assert (report.effects, report.remains.present) == ((), False)
+    (group,) = report.not_identifiable
+    assert group[0] == "hysteresis_density"
+    assert {"sensor_lag", "amplifier_bandwidth", "slow_relaxation"} <= set(group)
+    assert report.verdict.startswith("Nothing is missing that these runs show")
+    assert "Not identifiable from this data, which could hide there: hysteresis density or" in report.verdict
+    assert report.next_drive is not None
+    assert not report.repaired
+    assert "could hide" not in null.verdict
 
 
 @pytest.fixture(scope="module")
