@@ -20,7 +20,7 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.covariance import effective_samples, parameter_covariance
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.result import SETTLE_TIME
-from pzt_ros.sysid.run import rms
+from pzt_ros.sysid.run import rms, usual_past
 
 _NORMAL_95 = 1.96
 _FEWEST_TO_SETTLE = 20  # samples
@@ -74,7 +74,8 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
             entry["occupancy"] = list(starts[number].occupancy)
         entries.append({**entry, "values": values} if values else entry)
     per_run = sorted({each.parameter for each in staged.coordinates if each.run is not None})
-    other: dict[str, Any] = {"settle_s": SETTLE_TIME, "prior_voltage_V": list(starts[0].prior_voltages)}
+    past = usual_past([starts[n] for n in staged.fitted], [staged.runs[n].begins_driven for n in staged.fitted])
+    other: dict[str, Any] = {"settle_s": SETTLE_TIME, "prior_voltage_V": list(past)}
     if per_run:
         other["per_run"] = per_run
     if staged.given:

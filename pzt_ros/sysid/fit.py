@@ -22,7 +22,7 @@ from pzt_ros.sysid.parameters import FreeParameter, free_parameters, without_noi
 from pzt_ros.sysid.problem import Problem, distinguishable
 from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
-from pzt_ros.sysid.run import Span, Start, check_usable, rms
+from pzt_ros.sysid.run import Span, Start, begins_driven, check_usable, rms
 from pzt_ros.sysid.spikes import without_spikes
 from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, first_guesses, settle, voltage_bounds, with_offset
 
@@ -252,6 +252,7 @@ def _run_fit(part: CountedPart, start: Start, residual: Array) -> RunFit:
         name=record.name,
         sha256=record.sha256,
         start=start,
+        begins_driven=begins_driven(record),
         history_at_bound=_is_at_end(start, record),
         counted_from=float(record.time[part.picks[0]]),
         counted_until=float(record.time[part.end - 1]),

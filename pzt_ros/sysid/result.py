@@ -17,7 +17,7 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.noise import NoiseFloor
 from pzt_ros.sysid.profile import Interval
-from pzt_ros.sysid.run import Start
+from pzt_ros.sysid.run import Start, usual_past
 
 SETTLE_TIME = 1.0
 """How much of the start of an unknown run a prediction may look at for offset and history [s]."""
@@ -68,6 +68,7 @@ class RunFit:
     Attributes:
         name, sha256: of the record.
         start: history and offset as fitted.
+        begins_driven: whether it has a past that nobody recorded.
         history_at_bound: whether a prior reversal ended where the search ends.
         counted_from, counted_until: part that counted [s].
         samples: residuals taken of it.
@@ -80,6 +81,7 @@ class RunFit:
     name: str
     sha256: str
     start: Start
+    begins_driven: bool
     history_at_bound: bool
     counted_from: float
     counted_until: float
@@ -145,9 +147,10 @@ class FitResult:
 
     def model(self, command: str = "") -> Chain:
         """The chain with notes on the fit and the rule by which a prediction starts."""
+        past = usual_past([run.start for run in self.runs], [run.begins_driven for run in self.runs])
         start = {
             "runs": [_start_as_data(run) for run in self.runs],
-            "other": {"settle_s": SETTLE_TIME, "prior_voltage_V": list(self.runs[0].start.prior_voltages)},
+            "other": {"settle_s": SETTLE_TIME, "prior_voltage_V": list(past)},
         }
         return replace(self.chain, notes={**self.chain.notes, "fit": self.as_data(command), "start": start})
 

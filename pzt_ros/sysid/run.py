@@ -77,6 +77,17 @@ def begins_driven(record: Record) -> bool:
     return abs(float(record.voltage[0])) > _AT_REST * float(np.max(np.abs(record.voltage)))
 
 
+def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> tuple[float, ...]:
+    """Prior reversals of a run from rest that was not fitted [V]: of the first fitted one from rest, or of the first.
+
+    Args:
+        starts: of the fitted runs.
+        driven: which of them begin driven; what was before such a run says little of one from rest.
+    """
+    from_rest = (start for start, begins in zip(starts, driven, strict=True) if not begins)
+    return next(from_rest, starts[0]).prior_voltages
+
+
 def first_half(samples: int) -> int:
     """How many of so many samples tell: the past of a run that begins driven, and what a diagnosis chooses by."""
     return samples // 2

@@ -31,6 +31,7 @@ from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.records import Record, read_csv
 from pzt_ros.sysid import predict as predict_module
+from pzt_ros.sysid.fit import Fit
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms
 from pzt_ros.sysid.run_in import running_in
@@ -96,6 +97,10 @@ MINOR = (
     60.0,
 )
 INSIDE = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR, 1)
+
+
+SHALLOW = (50.0, 15.0, 90.0, 30.0, 95.0, 20.0, 80.0, 12.0, 97.0, 40.0, 60.0, 14.0)
+"""Far below the 150 V that a stage is poled with: half of its range beyond it ends there."""
 
 
 def second_half(record: Record) -> Span:
@@ -200,6 +205,30 @@ def test_parameters_and_pasts_are_found_together(case: Case, tmp_path: Path) -> 
     assert max(found.ratios) < 1.1
     model = model_of(found, "model", "")
     assert predict(model, score[0]).rms < 1.1 * NOISE
+
+
+def test_a_poling_far_beyond_what_a_run_reaches_is_found() -> None:
+    """Half the range beyond a sine ended below the poling, and parameters bent for it: 1.35 x the noise elsewhere."""
+    poled = begun_inside(TRUTH, (150.0, 0.0, 56.0), SHALLOW, 6)
+    found = predict(MODEL, poled)
+    assert found.rms < 1.1 * NOISE
+    reach = float(np.max(poled.voltage) + 0.5 * np.ptp(poled.voltage))
+    assert found.start.prior_voltages[0] > reach
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_what_was_before_a_run_in_motion_is_not_taken_for_the_past_of_one_from_rest(driven: bool) -> None:
+    """A court case: 2.8 x the noise in the first 0.2 s of a run that the model describes."""
+    rest, moving = begun_inside(TRUTH, (), (120.0, 10.0, 80.0), 7), INSIDE
+    trains = (moving, *(() if driven else (rest,)))
+    runs = split(with_floors(trains), [])
+    chain = dataclasses.replace(MODEL, notes={"free": ["electrostriction.coefficient"]})
+    model = model_of(fit_declared(chain, runs, lambda text: None), "model", "")
+    known = Fit(chain).fit(trains).model()
+    for each in (model, known):
+        past = each.notes["start"]["other"]["prior_voltage_V"]
+        assert bool(past) == driven
+        assert predict(each, begun_inside(TRUTH, (), (100.0, 20.0, 110.0), 8)).rms < 1.1 * NOISE
 
 
 def test_rivals_are_told_the_history_of_the_best() -> None:
