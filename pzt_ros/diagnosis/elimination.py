@@ -57,10 +57,7 @@ def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     if bare is None or not is_law_as_good(bare, final, asked):
         return steps
     place = named[0]
-    parts = [replace(steps[place], candidates=(each,), accepted=(each,)) for each in steps[place].accepted]
-    parts[0] = replace(parts[0], candidates=steps[place].candidates)
-    opened = [replace(part, tied=(curve, STRAIN_LAW)) if part.accepted[0].name == curve else part for part in parts]
-    return [*steps[:place], *opened, *steps[place + 1 :]]
+    return [*steps[:place], *_left_open(steps[place], curve, STRAIN_LAW), *steps[place + 1 :]]
 
 
 def hysteresis_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
@@ -71,9 +68,14 @@ def hysteresis_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     """
     if max(steps[-1].after.ratios) <= asked.floor or not steps[-1].after.staged.ceramic.knows_no_rate:
         return steps
-    name = StrainPolarizationHysteresis.kind
+    opened = [[step] if step.tied else _left_open(step, StrainPolarizationHysteresis.kind, DENSITY) for step in steps]
+    return [step for parts in opened for step in parts]
 
-    def is_open(step: Step) -> bool:
-        return not step.tied and [each.name for each in step.accepted] == [name]
 
-    return [replace(step, tied=(name, DENSITY)) if is_open(step) else step for step in steps]
+def _left_open(step: Step, name: str, other: str) -> list[Step]:
+    """A step with one of its effects tied with something else; two that it added at once become two steps."""
+    if name not in [each.name for each in step.accepted]:
+        return [step]
+    parts = [replace(step, candidates=(each,), accepted=(each,)) for each in step.accepted]
+    parts[0] = replace(parts[0], candidates=step.candidates)
+    return [replace(part, tied=(name, other)) if part.accepted[0].name == name else part for part in parts]

@@ -688,6 +688,9 @@ def test_a_hysteresis_that_elements_may_lack_themselves_is_left_open(
     drift, hysteresis = hysteresis_in_question(steps, Thresholds())
     assert drift is steps[0]
     assert hysteresis.tied == (("strain_polarization_hysteresis", "hysteresis_density") if is_open else ())
+    at_once = Step(after, (), {}, (steps[0].accepted[0], steps[1].accepted[0]), (), "")
+    tied = [step.tied for step in hysteresis_in_question([at_once], Thresholds())]
+    assert tied == ([(), ("strain_polarization_hysteresis", "hysteresis_density")] if is_open else [()])
 
 
 def misfitting(fit: float, selection: float) -> Any:
