@@ -20,7 +20,8 @@ from pzt_ros.records import Record
 CHUNK = 250_000
 """Samples that run through a chain at once; bounds the memory that long records take."""
 
-_AT_REST = 0.02  # of the largest voltage
+_AT_REST, _NOT_ZERO = 0.02, 1e-3  # of the largest voltage
+_FEW = 10  # samples
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,14 @@ class Start:
 
 
 def begins_driven(record: Record) -> bool:
-    """Whether the voltage is up already at the first sample, by 2 % of its peak: the record then has a past."""
-    return abs(float(record.voltage[0])) > _AT_REST * float(np.max(np.abs(record.voltage)))
+    """Whether the voltage is up already at the first sample, by 2 % of its peak, or on its way through 0 V there.
+
+    The record then has a past. A start at 0 V that is recorded some samples late moves away from there.
+    """
+    early = record.voltage[:_FEW]
+    first, peak = float(early[0]), float(np.max(np.abs(record.voltage)))
+    passes = abs(first) > _NOT_ZERO * peak and first * float(early[-1]) < 0.0
+    return abs(first) > _AT_REST * peak or passes
 
 
 def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> tuple[float, ...]:

@@ -39,7 +39,7 @@ Misfit = Callable[[Start], Array]
 
 _CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
 _FEWEST = 100  # samples to search by
-_LEVELS = 7
+_LEVELS = 5
 _CLEAN = 1.05  # rms over noise
 _REFINED = 2
 _CORRECTIONS = 3
@@ -92,12 +92,9 @@ def telling_part(part: CountedPart) -> CountedPart:
 
 
 def voltage_bounds(record: Record) -> tuple[float, float]:
-    """Where prior reversals are looked for [V]: as far as the run's range beyond it on each side.
-
-    A stage is poled further than it works. With half of that the poling of a sine was out of reach, and all else bent.
-    """
+    """Where prior reversals are looked for [V]: half the run's range beyond it on each side."""
     low, high = float(record.voltage.min()), float(record.voltage.max())
-    return low - (high - low), high + (high - low)
+    return low - 0.5 * (high - low), high + 0.5 * (high - low)
 
 
 def prior_shares(record: Record, start: Start) -> list[float]:

@@ -99,10 +99,6 @@ MINOR = (
 INSIDE = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR, 1)
 
 
-SHALLOW = (50.0, 15.0, 90.0, 30.0, 95.0, 20.0, 80.0, 12.0, 97.0, 40.0, 60.0, 14.0)
-"""Far below the 150 V that a stage is poled with: half of its range beyond it ends there."""
-
-
 def second_half(record: Record) -> Span:
     return Span(float(0.5 * record.time[-1]), None)
 
@@ -207,13 +203,22 @@ def test_parameters_and_pasts_are_found_together(case: Case, tmp_path: Path) -> 
     assert predict(model, score[0]).rms < 1.1 * NOISE
 
 
-def test_a_poling_far_beyond_what_a_run_reaches_is_found() -> None:
-    """Half the range beyond a sine ended below the poling, and parameters bent for it: 1.35 x the noise elsewhere."""
-    poled = begun_inside(TRUTH, (150.0, 0.0, 56.0), SHALLOW, 6)
-    found = predict(MODEL, poled)
-    assert found.rms < 1.1 * NOISE
-    reach = float(np.max(poled.voltage) + 0.5 * np.ptp(poled.voltage))
-    assert found.start.prior_voltages[0] > reach
+@pytest.mark.parametrize(
+    ("first", "driven"),
+    [
+        ((0.6, 0.4, 0.1, -0.3), True),  # on its way through 0 V
+        ((-0.6, -0.4, -0.1, 0.3), True),
+        ((0.6, 0.9, 1.2, 1.5), False),  # a start that is recorded some samples late
+        ((0.05, 0.02, -0.1, -0.3), False),  # the zero of a reading
+        ((3.0, 3.0, 3.0, 3.0), True),
+        ((0.0, 0.0, -0.5, -1.0), False),
+    ],
+)
+def test_a_run_on_its_way_through_zero_has_a_past(first: tuple[float, ...], driven: bool) -> None:
+    """A court case: a run inside minor loops began at 0.6 V, was taken to be at rest, and a drift was named."""
+    voltage = np.array([*np.repeat(first, 3)[:10], *(100.0 * np.sin(np.arange(50) / 8.0))])
+    record = Record("run", {"time_s": 1e-3 * np.arange(voltage.size), "voltage_V": voltage, "displacement_m": voltage})
+    assert begins_driven(record) == driven
 
 
 @pytest.mark.parametrize("driven", [False, True])
