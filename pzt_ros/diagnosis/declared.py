@@ -20,7 +20,7 @@ from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import Start, begun_ceramic
-from pzt_ros.sysid.start import prior_shares, with_shares
+from pzt_ros.sysid.start import prior_shares, share_bounds, with_shares
 
 _STEP = 1e-3
 _REMEMBERED = 3  # evaluations
@@ -122,8 +122,10 @@ class DeclaredHysteresis:
         self.names = [each.name for each in coordinates]
         self.names += [f"run {run + 1} reversal {k + 1}" for run, n in enumerate(self._reversals) for k in range(n)]
         self.start = np.array([each.scaled(each.start) for each in coordinates] + shares)
-        self.lower = np.array([each.bounds[0] for each in coordinates] + [0.0] * len(shares))
-        self.upper = np.array([each.bounds[1] for each in coordinates] + [1.0] * len(shares))
+        limits = [each.bounds for each in coordinates]
+        for record, start in zip(records, starts, strict=True):
+            limits += [share_bounds(record, start)] * len(start.prior_voltages)
+        self.lower, self.upper = (np.array([limit[k] for limit in limits]) for k in (0, 1))
         self._exact: dict[int, _Exact] = {}  # by run
         self._rough = [False] * len(records)
         self._known: Remembered[list[Array]] = Remembered(_REMEMBERED)

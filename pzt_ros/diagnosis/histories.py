@@ -24,6 +24,7 @@ from pzt_ros.sysid.start import CountedPart, first_guesses, settle
 
 _CLEAN = 1.1  # rms over noise of a run whose history is not asked for
 _ROUNDS, _GAINED = 4, 0.98  # of histories and all else in turn; until less is gained
+_NEAR = 2.0  # rms over noise up to which pasts alone may be what is missing, and are sought more thoroughly
 _STEPS = 40
 _SEARCHED = 4_000  # samples that a search for histories looks at
 
@@ -62,10 +63,14 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
         if not asked:
             break
         again = _refitted(found, _histories(found, asked, workers))
-        if again.total > _GAINED * found.total:
-            return min(found, again, key=_total)
-        found = again
-    return found
+        gained = again.total <= _GAINED * found.total
+        found = min(found, again, key=_total)
+        if not gained:
+            break
+    asked = [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
+    if not asked or max(found.ratios) > _NEAR:
+        return found
+    return min(found, _refitted(found, _histories(found, asked, workers, thorough=True)), key=_total)
 
 
 def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
@@ -136,11 +141,11 @@ def _part(run: RunData) -> CountedPart:
     return CountedPart(run.record, picks, int(picks[-1]) + 1)
 
 
-def _histories(found: Hypothesis, asked: Sequence[int], workers: Workers) -> dict[int, Start]:
-    return dict(zip(asked, workers.map(_history, repeat(found), asked), strict=True))
+def _histories(found: Hypothesis, asked: Sequence[int], workers: Workers, thorough: bool = False) -> dict[int, Start]:
+    return dict(zip(asked, workers.map(_history, repeat(found), asked, repeat(thorough)), strict=True))
 
 
-def _history(found: Hypothesis, number: int) -> Start:
+def _history(found: Hypothesis, number: int, thorough: bool) -> Start:
     """The shortest history of a run that its samples ask for, the parameters free to adapt where they were fitted."""
     run = found.staged.runs[number]
     part = _part(run)
@@ -150,7 +155,10 @@ def _history(found: Hypothesis, number: int) -> Start:
         tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)]
     quick = with_surrogate(found.staged.chain_at(found.vector, number))
     quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
-    return settle(quick, part, _bases(found, number), tangent, run.noise)
+    bases = _bases(found, number)
+    if thorough:
+        bases = [*bases, Start(leg=typical_leg(run.record))]
+    return settle(quick, part, bases, tangent, run.noise, thorough)
 
 
 def _bases(found: Hypothesis, number: int) -> list[Start]:

@@ -14,7 +14,7 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.parameters import FreeParameter, with_values
 from pzt_ros.sysid.run import Start, free_run, rms
-from pzt_ros.sysid.start import CountedPart, prior_shares, with_shares
+from pzt_ros.sysid.start import CountedPart, prior_shares, share_bounds, with_shares
 
 STEP = 1e-3
 """Difference step of the coordinates: a share of the value or of the range; the integration's noise is far below it."""
@@ -60,7 +60,8 @@ class Problem:
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest vector."""
         limits = [p.scaled_bounds for p in self.free]
-        limits += [(0.0, 1.0) for start in self.starts for _ in start.prior_voltages]
+        for part, start in zip(self.parts, self.starts, strict=True):
+            limits += [share_bounds(part.record, start)] * len(start.prior_voltages)
         return np.array([low for low, _ in limits]), np.array([high for _, high in limits])
 
     def chain_at(self, vector: Array) -> Chain:

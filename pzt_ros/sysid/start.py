@@ -37,9 +37,11 @@ _least_squares: Any = optimize.least_squares  # SciPy carries no types
 Misfit = Callable[[Start], Array]
 """From a history to what is left of the counted samples beside it [m]."""
 
+_ROOM = 0.02  # from these bounds, where a search begins
 _CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
 _FEWEST = 100  # samples to search by
-_LEVELS = 5
+_LEVELS, _MORE_LEVELS = 5, 7
+_USUAL, _WIDE = (0.0, 1.0), (-0.25, 1.25)  # prior reversals, see `prior_shares`: half, or all, of the range beyond it
 _CLEAN = 1.05  # rms over noise
 _REFINED = 2
 _CORRECTIONS = 3
@@ -109,6 +111,12 @@ def with_shares(start: Start, record: Record, shares: Sequence[float] | Array) -
     return replace(start, prior_voltages=tuple(low + (high - low) * float(share) for share in shares))
 
 
+def share_bounds(record: Record, start: Start) -> tuple[float, float]:
+    """Within which the shares of a start may move; wider where a thorough search took it beyond the usual."""
+    low, high = _USUAL
+    return _USUAL if all(low <= share <= high for share in prior_shares(record, start)) else _WIDE
+
+
 def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
     """The best of the grid with no, one and two prior reversals, for a chain that is not fitted yet.
 
@@ -126,6 +134,7 @@ def settle(
     bases: Sequence[Start] = (),
     tangent: Array | None = None,
     noise: float = 0.0,
+    thorough: bool = False,
 ) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
 
@@ -139,6 +148,7 @@ def settle(
         tangent: how the counted samples change with the parameters [shape (n, p)]; a history is then judged by what is
             left when the parameters adapt to it, or those fitted to a wrong history would defend it.
         noise: of the displacement [m]; a history that leaves no more than that is not questioned.
+        thorough: look further beyond the run's range, too, with more of a grid.
     """
     quick, early = with_surrogate(chain), telling_part(part)
     exactly = _misfit_of(chain, part, tangent=tangent)
@@ -149,7 +159,9 @@ def settle(
     low, high = voltage_bounds(part.record)
     if low == high:  # nothing was driven, so no reversal could be told from another
         return with_offset(chain, part, begins[0])
-    found = [_grown(misfits, begin, part.record, _CLEAN * noise) for begin in begins]
+    shares = np.linspace(*_WIDE, _MORE_LEVELS + 2) if thorough else np.linspace(*_USUAL, _LEVELS + 2)
+    levels = with_shares(begins[0], part.record, shares[1:-1]).prior_voltages
+    found = [_grown(misfits, begin, part.record, _CLEAN * noise, levels) for begin in begins]
     best = min(found, key=lambda each: _price(each, exactly(each))) if len(found) > 1 else found[0]
     return with_offset(chain, part, best)
 
@@ -168,13 +180,13 @@ class _Misfits(NamedTuple):
     early: Misfit
 
 
-def _grown(misfits: _Misfits, best: Start, record: Record, clean: float) -> Start:
-    """A history with as many more reversals as pay, until no more than `clean` is left [m]."""
+def _grown(misfits: _Misfits, best: Start, record: Record, clean: float, levels: Sequence[float]) -> Start:
+    """A history with as many more reversals as pay, begun at some levels [V], until only `clean` is left [m]."""
     exactly, quickly, early = misfits
     longest = _LONGEST if begins_driven(record) else _LONGEST_FROM_REST
     best_residual, sought = exactly(best), early(best)
     while len(best.prior_voltages) < longest and rms(best_residual) > clean:
-        longer = [each for each in _longer(early, best, record) if len(each.prior_voltages) <= longest]
+        longer = [each for each in _longer(early, best, record, levels) if len(each.prior_voltages) <= longest]
         seen = [(start, early(start)) for start in longer]
         paying = [(start, left) for start, left in seen if pays(sought, left, _more(start, best))]
         if not paying:
@@ -233,12 +245,11 @@ def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool = False, tangent
     return misfit
 
 
-def _longer(misfit: Misfit, start: Start, record: Record) -> list[Start]:
+def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float]) -> list[Start]:
     """The best histories with one reversal more at the end, and with two more anywhere, each refined.
 
     One more reversal in the middle is passed over by a ramp between its neighbours, so there it takes two.
     """
-    levels = [float(level) for level in np.linspace(*voltage_bounds(record), _LEVELS + 2)[1:-1]]
     known = start.prior_voltages
     one = [(*known, level) for level in levels]
     two = [(*known[:k], *pair, *known[k:]) for k in range(len(known) + 1) for pair in itertools.permutations(levels, 2)]
@@ -263,10 +274,11 @@ def _best_of_grid(misfit: Misfit, record: Record, count: int, leg: float) -> lis
 def _refined(misfit: Misfit, start: Start, record: Record) -> Start:
     """What local search makes of a start; the start itself where that is no better."""
     unit = max(rms(misfit(start)), 1e-15)  # the tolerances of the search want numbers of order 1
+    low, high = share_bounds(record, start)
     found = _least_squares(
         lambda shares: misfit(with_shares(start, record, shares)) / unit,
-        np.clip(prior_shares(record, start), 0.02, 0.98),
-        bounds=(0.0, 1.0),
+        np.clip(prior_shares(record, start), low + _ROOM, high - _ROOM),
+        bounds=(low, high),
         diff_step=1e-3,
         xtol=1e-4,
         max_nfev=6,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +13,13 @@ import pytest
 from pzt_benchmarks.residual_court.cases import RIGHT, Case, Spec, make_case
 from pzt_benchmarks.residual_court.files import write_case
 from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis import histories
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.histories import with_histories_of
+from pzt_ros.diagnosis.histories import renewed, with_histories_of
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.staged import Staged
@@ -35,7 +37,7 @@ from pzt_ros.sysid.fit import Fit
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms
 from pzt_ros.sysid.run_in import running_in
-from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part, telling_part
+from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part, settle, telling_part, voltage_bounds
 
 NOISE = 12e-9
 MODEL_LINK = Lattice(
@@ -201,6 +203,50 @@ def test_parameters_and_pasts_are_found_together(case: Case, tmp_path: Path) -> 
     assert max(found.ratios) < 1.1
     model = model_of(found, "model", "")
     assert predict(model, score[0]).rms < 1.1 * NOISE
+
+
+def test_a_poling_far_beyond_what_a_run_reaches_is_found_by_a_thorough_search() -> None:
+    """Half the range beyond a sine ended below the poling, and parameters bent for it: 1.35 x the noise elsewhere."""
+    shallow = (50.0, 15.0, 90.0, 30.0, 95.0, 20.0, 80.0, 12.0, 97.0, 40.0, 60.0, 14.0)
+    poled = begun_inside(TRUTH, (150.0, 0.0, 56.0), shallow, 6)
+    part = counted_part(poled, Span(), 10_000)
+    found = settle(MODEL, part, noise=NOISE, thorough=True)
+    reach = float(np.max(poled.voltage) + 0.5 * np.ptp(poled.voltage))
+    assert found.prior_voltages[0] > reach
+    assert float(np.std(_misfit_of(MODEL, part)(found))) < 1.05 * NOISE
+    usual = settle(MODEL, part, noise=NOISE)
+    assert max(usual.prior_voltages) <= reach
+    assert float(np.std(_misfit_of(MODEL, part)(usual))) > 1.1 * NOISE
+
+
+def test_a_run_whose_past_was_not_found_is_searched_more_thoroughly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A court case: a reversal short of its past in the one run that was left, and a drift was named for it."""
+    runs = split(with_floors((INSIDE,)), [])
+    chain = dataclasses.replace(MODEL, notes={"free": ["electrostriction.coefficient"]})
+    good = fit_declared(chain, runs, lambda text: None)
+    assert isinstance(good.staged.ceramic, DeclaredHysteresis)
+    short = good.staged.ceramic.with_starts([good.staged.ceramic.start_of(good.vector, 0)])
+    staged = dataclasses.replace(good.staged, ceramic=short)
+    lost = fitted(staged, staged.start + np.array([0.0, *[0.01] * (staged.start.size - 2), 0.0]), most_steps=0)
+    assert 1.1 < lost.fit.ratio < 2.0
+
+    def idle(*arguments: Any) -> Start:
+        return settle(*arguments) if arguments[-1] else arguments[2][0]
+
+    monkeypatch.setattr(histories, "settle", idle)
+    monkeypatch.setattr(histories, "_STEPS", 0)
+    found = renewed(lost)
+    assert found.fit.ratio < 1.05
+
+
+def test_what_a_thorough_search_took_beyond_may_stay_there() -> None:
+    far = (float(voltage_bounds(INSIDE)[1]) + 10.0, 20.0)
+    near, beyond = (
+        DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [], [INSIDE], [Start(past, 1.0)]) for past in ((140.0, 20.0), far)
+    )
+    assert near.upper.tolist() == [1.0, 1.0]
+    assert np.all(beyond.upper > 1.0)
+    assert np.all(beyond.lower < 0.0)
 
 
 @pytest.mark.parametrize(
