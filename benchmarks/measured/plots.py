@@ -39,7 +39,8 @@ def draw(judged: Judged, folder: Path) -> None:
                 residual = 1e9 * judged.residuals[name]
                 time.plot(run.record.time, residual, color=colour, linewidth=0.8, label=name)
                 drive.plot(voltage[score], residual[score], color=colour, linewidth=0.5)
-            reach = _ROOM * float(np.max(np.abs(residual[counted])))  # of the identified base; the declared one may go beyond
+            # of the identified base; the declared one may go beyond
+            reach = _ROOM * float(np.max(np.abs(residual[counted])))
             time.set_ylim(-reach, reach)
             drive.set_ylim(-reach, reach)
             _mark(time, run, theme)

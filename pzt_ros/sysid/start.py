@@ -37,7 +37,7 @@ _least_squares: Any = optimize.least_squares  # SciPy carries no types
 Misfit = Callable[[Start], Array]
 """From a history to what is left of the counted samples beside it [m]."""
 
-_ROOM = 0.02  # from these bounds, where a search begins
+_ROOM, _ROUNDING = 0.02, 1e-9  # from these bounds, where a search begins; beyond them, what counts as at a bound
 _CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
 _FEWEST = 100  # samples to search by
 _LEVELS, _MORE_LEVELS = 5, 7
@@ -114,7 +114,8 @@ def with_shares(start: Start, record: Record, shares: Sequence[float] | Array) -
 def share_bounds(record: Record, start: Start) -> tuple[float, float]:
     """Within which the shares of a start may move; wider where a thorough search took it beyond the usual."""
     low, high = _USUAL
-    return _USUAL if all(low <= share <= high for share in prior_shares(record, start)) else _WIDE
+    shares = prior_shares(record, start)
+    return _USUAL if all(low - _ROUNDING <= share <= high + _ROUNDING for share in shares) else _WIDE
 
 
 def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
