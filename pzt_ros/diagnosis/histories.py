@@ -51,7 +51,8 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
     """With histories sought anew for the runs that begin driven and are not described to the noise.
 
     Runs from rest lose theirs beside an effect, where they are described as well without: the base made them up. The
-    drive before them all is sought anew where nobody knows it.
+    drive before them all is sought anew where nobody knows it. Pasts that alone may be missing are sought once more, more
+    thoroughly.
     """
     if not isinstance(found.staged.ceramic, DeclaredHysteresis):
         return found
@@ -59,7 +60,7 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
         plain = without_histories(found) if found.effects else None
         return with_best_amplitude(found if plain is None else min(plain, found, key=_total))
     for _ in range(_ROUNDS):
-        asked = [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
+        asked = _without_their_past(found)
         if not asked:
             break
         again = _refitted(found, _histories(found, asked, workers))
@@ -67,7 +68,7 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
         found = min(found, again, key=_total)
         if not gained:
             break
-    asked = [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
+    asked = _without_their_past(found)
     if not asked or max(found.ratios) > _NEAR:
         return found
     return min(found, _refitted(found, _histories(found, asked, workers, thorough=True)), key=_total)
@@ -103,6 +104,11 @@ def without_histories(declared: Hypothesis) -> Hypothesis | None:
 def _not_clean(found: Hypothesis) -> list[int]:
     """Indices of the runs of which so much is left that they may have a history."""
     return [number for number, ratio in enumerate(found.ratios) if ratio > _CLEAN]
+
+
+def _without_their_past(found: Hypothesis) -> list[int]:
+    """Those of them that begin driven."""
+    return [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
 
 
 def _total(found: Hypothesis) -> float:

@@ -59,7 +59,7 @@ def stood_in_for(
         asked: what counts as something and as nothing.
     """
     left = max(declared.ratios) > asked.floor and identified.fit.ratio <= asked.floor
-    return ((DENSITY, *sorted(blind[0].effects)),) if blind and left else ()
+    return taken_up(blind)[:1] if left else ()
 
 
 def taken_up(blind: Sequence[Alike]) -> tuple[tuple[str, ...], ...]:

@@ -94,7 +94,7 @@ def telling_part(part: CountedPart) -> CountedPart:
 
 
 def voltage_bounds(record: Record) -> tuple[float, float]:
-    """Where prior reversals are looked for [V]: half the run's range beyond it on each side."""
+    """Where prior reversals are usually looked for [V]: half the run's range beyond it on each side."""
     low, high = float(record.voltage.min()), float(record.voltage.max())
     return low - 0.5 * (high - low), high + 0.5 * (high - low)
 

@@ -359,7 +359,7 @@ def test_a_free_run_begins_as_the_fit_began(amplifier: Amplifier, pasts: tuple[f
 
 
 def test_a_declared_fit_takes_pasts_through_the_gain() -> None:
-    """PICMA and an AFM axis are recorded with the volts at the amplifier's input."""
+    """A measured stack is recorded with the volts at the amplifier's input; such a fit ended at 87 x the noise."""
     columns = {**INSIDE.columns, "voltage_V": INSIDE.voltage / 25.0}
     notes = {"free": ["electrostriction.coefficient"]}
     amplified = Chain("amplified", (Amplifier(gain=25.0), MODEL_LINK, STRAIN), notes)
