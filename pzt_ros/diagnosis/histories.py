@@ -51,8 +51,8 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
     """With histories sought anew for the runs that begin driven and are not described to the noise.
 
     Runs from rest lose theirs beside an effect, where they are described as well without: the base made them up. The
-    drive before them all is sought anew where nobody knows it. Pasts that alone may be missing are sought once more, more
-    thoroughly.
+    drive before them all is sought anew where nobody knows it. Pasts that alone may be missing are sought thoroughly in
+    the end.
     """
     if not isinstance(found.staged.ceramic, DeclaredHysteresis):
         return found
