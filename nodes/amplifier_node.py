@@ -23,8 +23,8 @@ from pzt_ros.hardware.watch import Watch
 from pzt_ros.scenario import REAL_TIME
 
 LOOK_PERIOD, LOOK_BLOCKS = 0.02, 4
-"""Measurement, estimate and the number of senders are looked at this often [s], or after so many blocks: with short
-blocks there would be more to read at once than a tick leaves time for."""
+"""Senders and temperature are looked at this often [s]; measurement and estimate so, or after so many blocks: with
+short blocks there would be more to read at once than a tick leaves time for."""
 ON_ITS_WAY = 0.5
 """A command that comes so soon after commands are no longer followed was sent before its sender could know [s]."""
 
@@ -61,6 +61,7 @@ class AmplifierNode(ManagedNode):
         self.create_timer(self._block_period, self._watch)
         self._look_period = min(LOOK_PERIOD, LOOK_BLOCKS * self.block_size / self.sample_rate)
         self.create_timer(self._look_period, self._look)
+        self.create_timer(LOOK_PERIOD, self._look_around)
         on_change(self, self._on_parameters)
         self.start()
 
@@ -154,12 +155,15 @@ class AmplifierNode(ManagedNode):
             self.finish()
 
     def _look(self) -> None:
-        """What the sensor and the observer say, and who sends commands."""
+        """What the sensor and the observer say."""
         for name, block in self._ears.take():
             if name == "measurement":
                 self.watch.measured(block.first_time, block["displacement_m"])
             else:
                 self.watch.estimated(block.first_time, block["innovation_m"])
+
+    def _look_around(self) -> None:
+        """Who sends commands, and how warm it is; both take long to ask."""
         self.watch.senders(self.count_publishers("drive"))
         if self.is_open:
             self.watch.temperature()
