@@ -18,11 +18,12 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.prior_drive import with_best_amplitude
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
+from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
 from pzt_ros.sysid.run import Start, typical_leg
-from pzt_ros.sysid.start import CountedPart, first_guesses, settle
+from pzt_ros.sysid.start import CountedPart, first_guesses, misfit_at, settle
 
-_CLEAN = 1.1  # rms over noise of a run whose history is not asked for
+_CLEAN, _CLEAN_FROM_REST = 1.005, 1.1  # rms over noise of a run whose history is not asked for
 _ROUNDS, _GAINED = 4, 0.98  # of histories and all else in turn; until less is gained
 _NEAR = 2.0  # rms over noise up to which pasts alone may be what is missing, and are sought more thoroughly
 _STEPS = 40
@@ -103,7 +104,8 @@ def without_histories(declared: Hypothesis) -> Hypothesis | None:
 
 def _not_clean(found: Hypothesis) -> list[int]:
     """Indices of the runs of which so much is left that they may have a history."""
-    return [number for number, ratio in enumerate(found.ratios) if ratio > _CLEAN]
+    clean = [_CLEAN if run.begins_driven else _CLEAN_FROM_REST for run in found.staged.runs]
+    return [number for number, ratio in enumerate(found.ratios) if ratio > clean[number]]
 
 
 def _without_their_past(found: Hypothesis) -> list[int]:
@@ -161,7 +163,7 @@ def _history(found: Hypothesis, number: int, thorough: bool) -> Start:
         tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)]
     quick = with_surrogate(found.staged.chain_at(found.vector, number))
     quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
-    bases = _bases(found, number)
+    bases = [*_bases(found, number), *_most_alike(found, number, quick, part)]
     if thorough:
         bases = [*bases, Start(leg=typical_leg(run.record))]
     return settle(quick, part, bases, tangent, run.noise, thorough)
@@ -177,6 +179,17 @@ def _bases(found: Hypothesis, number: int) -> list[Start]:
         return [Start(leg=typical_leg(run.record))]
     poled = dataclasses.replace(here, prior_voltages=(float(np.median(known)),))
     return [here, poled] if here.prior_voltages not in ((), poled.prior_voltages) else [poled]
+
+
+def _most_alike(found: Hypothesis, number: int, chain: Chain, part: CountedPart) -> list[Start]:
+    """The past of another run that suits a run that begins driven best, for runs of one bench may begin alike."""
+    staged, leg = found.staged, typical_leg(part.record)
+    others = [each for each, run in enumerate(staged.runs) if each != number and run.begins_driven]
+    pasts = {staged.ceramic.start_of(found.vector, each).prior_voltages for each in others}
+    starts = [Start(past, leg) for past in sorted(pasts) if past]
+    if not staged.runs[number].begins_driven or not starts:
+        return []
+    return [min(starts, key=lambda start: float(np.std(misfit_at(chain, part, start))))]
 
 
 def _parameters_of(found: Hypothesis) -> list[int]:

@@ -40,9 +40,9 @@ Misfit = Callable[[Start], Array]
 _ROOM, _ROUNDING = 0.02, 1e-9  # from these bounds, where a search begins; beyond them, what counts as at a bound
 _CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
 _FEWEST = 100  # samples to search by
-_LEVELS, _MORE_LEVELS = 5, 7
+_LEVELS, _MORE_LEVELS = 9, 13
+_GUESSED_LEVELS = 5
 _USUAL, _WIDE = (0.0, 1.0), (-0.25, 1.25)  # prior reversals, see `prior_shares`: half, or all, of the range beyond it
-_CLEAN = 1.05  # rms over noise
 _REFINED = 2
 _CORRECTIONS = 3
 PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
@@ -162,7 +162,7 @@ def settle(
         return with_offset(chain, part, begins[0])
     shares = np.linspace(*_WIDE, _MORE_LEVELS + 2) if thorough else np.linspace(*_USUAL, _LEVELS + 2)
     levels = with_shares(begins[0], part.record, shares[1:-1]).prior_voltages
-    found = [_grown(misfits, begin, part.record, _CLEAN * noise, levels) for begin in begins]
+    found = [_grown(misfits, begin, part.record, noise, levels) for begin in begins]
     best = min(found, key=lambda each: _price(each, exactly(each))) if len(found) > 1 else found[0]
     return with_offset(chain, part, best)
 
@@ -251,19 +251,28 @@ def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float
 
     One more reversal in the middle is passed over by a ramp between its neighbours, so there it takes two.
     """
-    known = start.prior_voltages
+    known, begin = start.prior_voltages, float(record.voltage[0])
+    if not _is_nested(known, begin):
+        levels = levels[::2]  # more of them would take too long where none is ruled out
     one = [(*known, level) for level in levels]
     two = [(*known[:k], *pair, *known[k:]) for k in range(len(known) + 1) for pair in itertools.permutations(levels, 2)]
     found = []
-    for voltages in (one, two):
+    for longer in (one, two):
+        voltages = [each for each in longer if _is_nested(each, begin)] or longer
         starts = [replace(start, prior_voltages=each) for each in voltages]
         near = sorted(starts, key=lambda each: float(np.sum(misfit(each) ** 2)))[:_REFINED]
         found += [_refined(misfit, each, record) for each in near]
     return found
 
 
+def _is_nested(voltages: Sequence[float], begin: float) -> bool:
+    """Whether each reversal, and where the run begins, lies between the two before: others would have wiped them out."""
+    path = (*voltages, begin)
+    return all(min(a, b) < c < max(a, b) for a, b, c in zip(path, path[1:], path[2:], strict=False))
+
+
 def _best_of_grid(misfit: Misfit, record: Record, count: int, leg: float) -> list[Start]:
-    levels = np.linspace(*voltage_bounds(record), _LEVELS)
+    levels = np.linspace(*voltage_bounds(record), _GUESSED_LEVELS)
     starts = [
         Start(tuple(float(v) for v in voltages), leg)
         for voltages in itertools.product(levels, repeat=count)

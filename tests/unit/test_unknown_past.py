@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.histories import renewed, with_histories_of
+from pzt_ros.diagnosis.histories import _most_alike, _not_clean, renewed, with_histories_of
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.staged import Staged
@@ -37,7 +38,17 @@ from pzt_ros.sysid.fit import Fit
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms
 from pzt_ros.sysid.run_in import running_in
-from pzt_ros.sysid.start import _corrected, _misfit_of, _refined, counted_part, settle, telling_part, voltage_bounds
+from pzt_ros.sysid.start import (
+    _corrected,
+    _is_nested,
+    _longer,
+    _misfit_of,
+    _refined,
+    counted_part,
+    settle,
+    telling_part,
+    voltage_bounds,
+)
 
 NOISE = 12e-9
 MODEL_LINK = Lattice(
@@ -99,6 +110,10 @@ MINOR = (
     60.0,
 )
 INSIDE = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR, 1)
+
+
+def run_from_rest() -> Record:
+    return begun_inside(TRUTH, (), MINOR, 3)
 
 
 def second_half(record: Record) -> Span:
@@ -237,6 +252,51 @@ def test_a_run_whose_past_was_not_found_is_searched_more_thoroughly(monkeypatch:
     monkeypatch.setattr(histories, "_STEPS", 0)
     found = renewed(lost)
     assert found.fit.ratio < 1.05
+
+
+@pytest.mark.parametrize(
+    ("past", "begin", "remembered"),
+    [
+        ((), 80.0, True),
+        ((150.0,), 80.0, True),
+        ((20.0, 150.0), 80.0, True),
+        ((150.0, 20.0, 130.0), 80.0, True),
+        ((150.0, 20.0, 160.0), 80.0, False),  # 160 V wiped out both
+        ((150.0, 20.0), 160.0, False),
+        ((150.0, 20.0, 130.0), 140.0, False),
+        ((150.0, 20.0, 20.0), 80.0, False),
+    ],
+)
+def test_reversals_that_others_wiped_out_are_not_tried(past: tuple[float, ...], begin: float, remembered: bool) -> None:
+    """Return-point memory: of nine levels far fewer pasts are left than of five without it."""
+    assert _is_nested(past, begin) is remembered
+
+
+def test_a_past_that_is_no_memory_is_still_made_longer() -> None:
+    wiped = Start((20.0, 130.0, 150.0), 1.0)
+    assert not _is_nested(wiped.prior_voltages, float(INSIDE.voltage[0]))
+    found = _longer(lambda start: np.ones(10), wiped, INSIDE, (0.0, 50.0, 100.0))
+    assert {len(start.prior_voltages) for start in found} == {4, 5}
+
+
+@pytest.mark.parametrize(("record", "asked"), [(INSIDE, [0]), (run_from_rest(), [])])
+def test_a_run_in_motion_is_asked_for_its_past_until_it_is_at_its_noise(record: Record, asked: list[int]) -> None:
+    """Up to 1.1 x the noise was taken for done: two of eight nulls of the court were "something is missing"."""
+    (run,) = split(with_floors((record,)), [])
+    left: Any = SimpleNamespace(ratios=(1.02,), staged=SimpleNamespace(runs=(run,)))
+    assert _not_clean(left) == asked
+
+
+def test_a_past_is_also_sought_from_that_of_another_run_in_motion() -> None:
+    """The test run of a sine stayed at 1.36 x, a reversal short of the past that the train run had been given."""
+    again = begun_inside(TRUTH, (150.0, 20.0, 130.0, 80.0), MINOR[::-1], 2)
+    runs = tuple(split(with_floors((INSIDE, again, run_from_rest())), []))
+    starts = [Start((150.0, 20.0, 130.0), 1.0), Start((), 1.0), Start((), 1.0)]
+    ceramic = DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [], [run.record for run in runs], starts)
+    found: Any = SimpleNamespace(staged=SimpleNamespace(runs=runs, ceramic=ceramic), vector=ceramic.start)
+    told = [_most_alike(found, number, MODEL, counted_part(runs[number].record, Span(), 2_000)) for number in range(3)]
+    assert [len(starts) for starts in told] == [0, 1, 0]
+    assert told[1][0].prior_voltages == pytest.approx((150.0, 20.0, 130.0))
 
 
 def test_what_a_thorough_search_took_beyond_may_stay_there() -> None:
