@@ -266,7 +266,7 @@ def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float
 
 
 def _is_nested(voltages: Sequence[float], begin: float) -> bool:
-    """Whether each reversal, and where the run begins, lies between the two before: others would have wiped them out."""
+    """Whether each reversal, and where a run begins, lies between the two before: others would have wiped those out."""
     path = (*voltages, begin)
     return all(min(a, b) < c < max(a, b) for a, b, c in zip(path, path[1:], path[2:], strict=False))
 
