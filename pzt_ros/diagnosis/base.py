@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
-from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.data import RunData, seen_through
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.histories import with_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
@@ -134,5 +134,5 @@ def _solved(
     starts = [Start() for _ in runs]
     ceramic = DeclaredHysteresis(model, surrogate_of(model), own, records, starts, amplifier_gain(chain))
     replaced = chain.with_links(lambda link: model if isinstance(link, Ferroelectric) else link)
-    staged = Staged(replaced, ceramic, runs, others)
+    staged = Staged(replaced, ceramic, seen_through(chain, runs), others)
     return fitted(staged, staged.start, most_steps=_STEPS)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from pzt_ros.diagnosis.gaps import lost_turns
+from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import begins_driven, drive_of, first_half
-from pzt_ros.sysid.run_in import running_in
+from pzt_ros.sysid.run_in import fades, fading_curves, running_in
 from pzt_ros.sysid.spikes import Spikes
 
 Picks = NDArray[np.intp]
@@ -37,6 +38,7 @@ class RunData:
         polarization_noise: what a misfit of the polarization is measured in [C/m^2]; 0 where it was not recorded.
         spikes: readings that stood alone in it, by column.
         wander: time over which its readings may wander by chance [s]; 0 where they do not, inf for a straight line.
+        fades: whether it begins with what a link that relaxes remembers of a past that nobody recorded.
     """
 
     record: Record
@@ -45,6 +47,7 @@ class RunData:
     polarization_noise: float = 0.0
     spikes: Mapping[str, Spikes] = field(default_factory=dict)
     wander: float = 0.0
+    fades: bool = False
 
     @cached_property
     def signals(self) -> Signals:
@@ -84,7 +87,7 @@ class RunData:
     def _centred(self, part: str, displacement: Columns, polarization: Columns | None) -> list[Columns]:
         picks = self.picks[part]
         found = [_about_zero(displacement[picks], self.noise)]
-        if self.wander > 0.0:
+        if self.wander > 0.0 or self.fades:
             slow = self._slow(part).astype(found[0].dtype, copy=False)
             found[0] -= slow @ (slow.T @ found[0])
         if polarization is not None:
@@ -93,21 +96,31 @@ class RunData:
 
     def wandered(self, residual: Array) -> Array:
         """What of a residual over the whole run is taken for a wandering of its reading, its mean too [m, (n,)]."""
-        slow = np.column_stack((np.ones(len(self.record)), slow_curves(self.record.time, self.wander)))
+        slow = np.column_stack((np.ones(len(self.record)), self.nuisances(np.arange(len(self.record)))))
         course: Array = slow @ np.linalg.lstsq(slow[self.clear], residual[self.clear], rcond=None)[0]
         return course
 
     def _slow(self, part: str) -> Array:
         """An orthonormal basis of what a wandering may be at the samples of a part [shape (m, k)]."""
         if part not in self._bases:
-            picks = self.picks[part]
-            curves = slow_curves(self.record.time[picks], self.wander)
+            curves = self.nuisances(self.picks[part])
             self._bases[part] = np.linalg.qr(curves - curves.mean(axis=0))[0]
         return self._bases[part]
+
+    def nuisances(self, picks: Picks) -> Array:
+        """Curves beside an offset that the readings of these samples may hold, of no interest [shape (m, k)]."""
+        time = self.record.time
+        slow = slow_curves(time[picks], self.wander) if self.wander > 0.0 else np.zeros((len(time[picks]), 0))
+        return np.column_stack((slow, fading_curves(time)[picks])) if self.fades else slow
 
     @cached_property
     def _bases(self) -> dict[str, Array]:
         return {}
+
+
+def seen_through(chain: Chain, runs: Sequence[RunData]) -> list[RunData]:
+    """Runs as a chain sees them: what its links remember of a past that nobody recorded is no misfit of it."""
+    return [run if run.fades == (told := fades(chain, run.record)) else replace(run, fades=told) for run in runs]
 
 
 def slow_curves(time: Array, spacing: float) -> Array:

@@ -137,6 +137,7 @@ def _report(
             *reached.remarks,
             *((_SPARSE,) if sparse else ()),
             *((_WANDERS,) if wanders(chosen.final) else ()),
+            *((_FADES,) if any(run.fades for run in chosen.final.staged.runs) else ()),
             *(each.remark for each in blind),
             *_lost(runs),
             *_spiky(runs),
@@ -203,6 +204,12 @@ _SPARSE = (
 _WANDERS = (
     "The readings wander by chance. That is taken out of the fit, so the model is not bent by it, but it stays in every"
     " prediction: no model foretells it. A temperature recorded beside the runs would tell whether it is the room."
+)
+
+
+_FADES = (
+    "Runs begin in motion, and the structure still relaxes from what nobody recorded. That dies out, whatever it was; it"
+    " is taken out of the fit, but it stays in every prediction. A rest before the run, or a record of it, avoids that."
 )
 
 

@@ -19,6 +19,7 @@ from pzt_ros.diagnosis.prior_drive import with_best_amplitude
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array
 from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
 from pzt_ros.sysid.run import Start, typical_leg
 from pzt_ros.sysid.start import CountedPart, first_guesses, misfit_at, settle
@@ -154,19 +155,28 @@ def _histories(found: Hypothesis, asked: Sequence[int], workers: Workers, thorou
 
 
 def _history(found: Hypothesis, number: int, thorough: bool) -> Start:
-    """The shortest history of a run that its samples ask for, the parameters free to adapt where they were fitted."""
+    """The shortest history of a run that its samples ask for."""
     run = found.staged.runs[number]
     part = _part(run)
-    tangent = None
-    if FIT in run.picks:
-        jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
-        tangent = run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)]
     quick = with_surrogate(found.staged.chain_at(found.vector, number))
     quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
     bases = [*_bases(found, number), *_most_alike(found, number, quick, part)]
     if thorough:
         bases = [*bases, Start(leg=typical_leg(run.record))]
-    return settle(quick, part, bases, tangent, run.noise, thorough)
+    return settle(quick, part, bases, _absorbed(found, number, part), run.noise, thorough)
+
+
+def _absorbed(found: Hypothesis, number: int, part: CountedPart) -> Array | None:
+    """What of a run is not its history's to explain: what parameters do, and what wanders [shape (n, p)]."""
+    run = found.staged.runs[number]
+    columns = []
+    if FIT in run.picks:
+        jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
+        columns.append(run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)])
+    if run.wander > 0.0 or run.fades:
+        curves = run.nuisances(part.picks)
+        columns.append(curves - curves.mean(axis=0))
+    return np.column_stack(columns) if columns else None
 
 
 def _bases(found: Hypothesis, number: int) -> list[Start]:

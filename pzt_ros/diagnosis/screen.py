@@ -18,7 +18,7 @@ import numpy as np
 from scipy import optimize
 
 from pzt_ros.diagnosis.coordinates import Coordinate, coordinate, of_effect
-from pzt_ros.diagnosis.data import FIT, SELECTION
+from pzt_ros.diagnosis.data import FIT, SELECTION, seen_through
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.effects.effect import AT_COMMAND, AT_FIELD, Effect, GoesOn
@@ -215,7 +215,13 @@ class Screen:
         added = [self._within_sight(effect, each) for each in of_effect(effect, link, runs)]
         chain = with_effect(hypothesis.staged.chain, link)
         base = hypothesis.staged
-        staged = replace(base, chain=chain, coordinates=(*base.coordinates, *added), given=(*base.given, *given))
+        staged = replace(
+            base,
+            chain=chain,
+            runs=seen_through(chain, base.runs),
+            coordinates=(*base.coordinates, *added),
+            given=(*base.given, *given),
+        )
         shape = np.array([0.0 if each.field in effect.columns else each.scaled(each.start) for each in added])
         signatures, ahead, places = self._signatures(effect, staged, added, shape)
         limits = np.array([added[k].bounds for k in places]).T

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
-from pzt_ros.diagnosis.data import FIT, RunData
+from pzt_ros.diagnosis.data import FIT, RunData, seen_through
 from pzt_ros.effects.insert import without_effect
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
@@ -179,9 +179,11 @@ class Staged:
     def without(self, kind: str) -> tuple[Staged, list[int]]:
         """The same without an effect, and the places in the vector of the unknowns that are left."""
         kept = [place for place, each in enumerate(self.coordinates) if each.kind != kind]
+        chain = without_effect(self.chain, kind)
         plain = dataclasses.replace(
             self,
-            chain=without_effect(self.chain, kind),
+            chain=chain,
+            runs=seen_through(chain, self.runs),
             coordinates=tuple(self.coordinates[place] for place in kept),
             given=tuple(each for each in self.given if each.kind != kind),
         )

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.histories import renewed
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.refinement import REFIT_STEPS, taken_on
 from pzt_ros.diagnosis.settings import Thresholds
@@ -31,7 +32,7 @@ def wandering(place: Hypothesis, asked: Thresholds) -> Hypothesis | None:
     """The model fitted beside readings that wander, from a place; None where that leaves far too much."""
     runs = [replace(run, wander=_spacing(run)) for run in place.staged.runs]
     staged = replace(place.staged, runs=runs)
-    begun = fitted(staged, place.vector, place.effects, REFIT_STEPS)
+    begun = renewed(fitted(staged, place.vector, place.effects, REFIT_STEPS))  # a drift had bent the pasts
     return taken_on(exact(begun), asked) if begun.fit.ratio <= asked.polishable else None
 
 
@@ -59,4 +60,4 @@ def size_of(found: Hypothesis, residuals: Sequence[Array]) -> float:
 
 
 def _course(run: RunData, residual: Array) -> Array:
-    return run.wandered(residual) if run.wander > 0.0 else np.zeros_like(residual)
+    return run.wandered(residual) if run.wander > 0.0 or run.fades else np.zeros_like(residual)

@@ -28,6 +28,7 @@ class SlowRelaxation(Link):
 
     kind: ClassVar[str] = "slow_relaxation"
     section: ClassVar[str] = ACTUATOR
+    remembers: ClassVar[bool] = True
 
     share: float = parameter(0.0, "1", "late displacement over prompt displacement", bounds=(0.0, 1.0))
     shortest_time: float = parameter(0.1, "s", "fastest time constant of the band", bounds=(1e-5, 1e5))

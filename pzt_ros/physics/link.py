@@ -33,6 +33,8 @@ class Link(ABC):
 
     kind: ClassVar[str]
     section: ClassVar[str]
+    remembers: ClassVar[bool] = False
+    """Whether what was before its first sample shows in it for seconds."""
 
     def noiseless(self) -> Link:
         """The same link without what no model can know: noise, least steps. Links that have such override this."""

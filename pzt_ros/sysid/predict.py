@@ -20,7 +20,7 @@ from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
 from pzt_ros.sysid.spikes import without_spikes
-from pzt_ros.sysid.start import CountedPart, counted_part, misfit_at, pays, settle, with_offset
+from pzt_ros.sysid.start import CountedPart, counted_part, dying_out, misfit_at, pays, settle, with_offset
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
@@ -191,7 +191,7 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
     bases = [replace(base, prior_voltages=past) for past in dict.fromkeys(pasts)]
-    return settle(model, counted, bases[:_MOST_BASES], noise=noise)
+    return settle(model, counted, bases[:_MOST_BASES], dying_out(model, counted), noise=noise)
 
 
 def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:

@@ -7,14 +7,19 @@ a bandwidth of 3 x the noise it was 30 x at the first sample of a sine, and past
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import begins_driven
 
 _LASTS = 0.05  # s: five times 10 ms
 _MOST = 0.1  # of a run
+_FADING_TIMES = 0.1 * 4.0 ** np.arange(5)  # s, to 26
 _MOVES = 0.01  # of the drive's span within that time; less is rest
 
 
@@ -24,3 +29,15 @@ def running_in(record: Record) -> NDArray[np.bool_]:
     early: NDArray[np.bool_] = since < min(_LASTS, _MOST * float(since[-1]))
     moves = np.ptp(record.voltage[early]) > _MOVES * np.ptp(record.voltage) if np.any(early) else False
     return early if begins_driven(record) and moves else np.zeros_like(early)
+
+
+def fades(chain: Chain, record: Record) -> bool:
+    """Whether a run begins with what a link of the chain remembers of a past that nobody recorded."""
+    return begins_driven(record) and any(link.remembers for link in chain.links)
+
+
+def fading_curves(time: Array, longest: float = math.inf) -> Array:
+    """What dies out from the beginning of a run on, with time constants of at most `longest` [s] [shape (n, k)]."""
+    times = _FADING_TIMES[longest >= _FADING_TIMES]
+    curves: Array = np.exp(-(time - time[0])[:, np.newaxis] / times)
+    return curves

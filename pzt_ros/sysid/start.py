@@ -24,7 +24,7 @@ from pzt_ros.physics.surrogate import with_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
-from pzt_ros.sysid.run_in import running_in
+from pzt_ros.sysid.run_in import fades, fading_curves, running_in
 
 _LONGEST, _LONGEST_FROM_REST = 8, 2
 """Prior reversals at most of a run that begins driven: inside minor loops it takes one to four to come down to the
@@ -226,8 +226,21 @@ def misfit_at(chain: Chain, part: CountedPart, start: Start) -> Array:
 
 
 def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
-    """The same history with the offset that fits the counted samples best."""
-    return replace(start, offset=float(np.mean(misfit_at(chain, part, replace(start, offset=0.0)))))
+    """The same history with the offset that fits the counted samples best, beside what dies out in them."""
+    left, curves = misfit_at(chain, part, replace(start, offset=0.0)), dying_out(chain, part)
+    columns = np.column_stack((np.ones(left.size), curves))
+    return replace(start, offset=float(np.linalg.lstsq(columns, left, rcond=None)[0][0]))
+
+
+def dying_out(chain: Chain, part: CountedPart) -> Array:
+    """What a link of the chain may remember of an unrecorded past in the counted samples [shape (n, k)].
+
+    Only as long as an offset can be told from it.
+    """
+    time = part.record.time
+    if not fades(chain, part.record):
+        return np.zeros((part.picks.size, 0))
+    return fading_curves(time, 0.5 * float(time[part.end - 1] - time[0]))[part.picks]
 
 
 def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None) -> Misfit:

@@ -17,7 +17,7 @@ from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import histories
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.coordinates import coordinate
-from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.data import FIT, RunData, seen_through, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.histories import _most_alike, _not_clean, renewed, with_histories_of
@@ -26,6 +26,7 @@ from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
 from pzt_ros.effects.sensor_lag import SensorLag
+from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
@@ -48,6 +49,7 @@ from pzt_ros.sysid.start import (
     settle,
     telling_part,
     voltage_bounds,
+    with_offset,
 )
 
 NOISE = 12e-9
@@ -299,6 +301,53 @@ def test_a_past_is_also_sought_from_that_of_another_run_in_motion() -> None:
     assert told[1][0].prior_voltages == pytest.approx((150.0, 20.0, 130.0))
 
 
+RELAXING = SlowRelaxation(share=0.1, shortest_time=0.2, longest_time=8.0)
+
+
+def relaxed(hidden: Sequence[float], shown: Sequence[float], seed: int) -> Record:
+    return begun_inside(dataclasses.replace(TRUTH, links=(*TRUTH.links, RELAXING)), hidden, shown, seed)
+
+
+def test_a_relaxation_that_began_before_the_record_is_found() -> None:
+    """Its memory dies out over seconds: with the true past 2.9 x the noise in a run, and a drift was named for it."""
+    records = [relaxed((150.0, 20.0, 130.0, 80.0), MINOR, 1), relaxed((150.0, -10.0), MINOR[::-1], 2)]
+    free = [f"slow_relaxation.{name}" for name in ("share", "shortest_time", "longest_time")]
+    begin = dataclasses.replace(RELAXING, share=0.06, shortest_time=0.4, longest_time=5.0)
+    model = Chain("model", (*MODEL.links, begin), {"free": ["electrostriction.coefficient", *free]})
+    runs = split(with_floors(tuple(records)), [])
+    found = fit_declared(model, runs, lambda text: None)
+    assert all(run.fades for run in found.staged.runs)
+    assert max(found.ratios) < 1.03
+    link = found.staged.chain_at(found.vector).links[-1]
+    assert isinstance(link, SlowRelaxation)
+    assert link.share == pytest.approx(RELAXING.share, rel=0.2)
+
+
+def test_only_what_begins_in_motion_fades() -> None:
+    runs = split(with_floors((INSIDE, run_from_rest())), [])
+    relaxing = dataclasses.replace(MODEL, links=(*MODEL.links, RELAXING))
+    assert [run.fades for run in seen_through(relaxing, runs)] == [True, False]
+    assert [run.fades for run in seen_through(MODEL, seen_through(relaxing, runs))] == [False, False]
+
+
+def test_what_dies_out_is_no_misfit_and_no_offset() -> None:
+    relaxing = dataclasses.replace(MODEL, links=(*MODEL.links, RELAXING))
+    (run,) = seen_through(relaxing, split(with_floors((INSIDE,)), []))
+    dying = 100e-9 * np.exp(-INSIDE.time / 1.3)
+    model = INSIDE.displacement - dying - 40e-9
+    assert rms(run.misfit(FIT, model, np.empty(0))) < 0.02
+    assert rms(dataclasses.replace(run, fades=False).misfit(FIT, model, np.empty(0))) > 1.5
+    part = counted_part(INSIDE, Span(), 10_000)
+    start = Start((150.0, 20.0, 130.0))
+    there = free_run(relaxing, INSIDE, start, part.picks, part.end).displacement
+    measured = np.array(INSIDE.displacement)
+    measured[part.picks] = there + dying[part.picks] + 40e-9
+    seen = dataclasses.replace(
+        part, record=dataclasses.replace(INSIDE, columns={**INSIDE.columns, "displacement_m": measured})
+    )
+    assert with_offset(relaxing, seen, start).offset == pytest.approx(40e-9, abs=2e-9)
+
+
 def test_what_a_thorough_search_took_beyond_may_stay_there() -> None:
     far = (float(voltage_bounds(INSIDE)[1]) + 10.0, 20.0)
     near, beyond = (
@@ -444,7 +493,7 @@ def test_a_past_is_also_sought_from_those_of_the_fitted_runs(monkeypatch: pytest
     """From none and from how runs are poled the search of a sine ended 5 x the noise off, a reversal short."""
     asked: list[list[tuple[float, ...]]] = []
 
-    def settled(chain: Chain, part: object, bases: Sequence[Start], noise: float) -> Start:
+    def settled(chain: Chain, part: object, bases: Sequence[Start], tangent: Array, noise: float) -> Start:
         asked.append([base.prior_voltages for base in bases])
         return bases[-1]
 
