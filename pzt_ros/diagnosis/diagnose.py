@@ -208,8 +208,8 @@ _WANDERS = (
 
 
 _FADES = (
-    "Runs begin in motion, and the structure still relaxes from what nobody recorded. That dies out, whatever it was; it"
-    " is taken out of the fit, but it stays in every prediction. A rest before the run, or a record of it, avoids that."
+    "Runs begin in motion, and the structure still relaxes from what nobody recorded. That dies out, whatever it was:"
+    " it is taken out of the fit, but stays in every prediction. A rest before the run, or a record of it, avoids that."
 )
 
 
