@@ -6,7 +6,7 @@ on, seven equal cycles were left out of it, so that its first half has decaying 
 the table of effects. Then fifteen, of a last fit to both halves at three resolutions, two priors, with and without a
 lag (0.23 to 0.44 % of the span); what was kept is the rule that looks at none of them: what was chosen before, once
 more. Two tables since then; then seven looks, while a fault was sought that
-left the amplifier's gain out of a past (245 nm by `pzt diagnose`, 115 without it), and two tables after its last half
+left the amplifier's gain out of a past (245 nm by `pzt diagnose`, 115 without it), and three tables after its last half
 was mended. So the figure is not as clean as a
 first look would be.""",
     "afm": """two in this form: 0.223 %, then 0.236 % with the record in one piece, which is how it was taken; nothing
