@@ -87,7 +87,7 @@ class RunData:
     def _centred(self, part: str, displacement: Columns, polarization: Columns | None) -> list[Columns]:
         picks = self.picks[part]
         found = [_about_zero(displacement[picks], self.noise)]
-        if self.wander > 0.0 or self.fades:
+        if self.has_nuisances:
             slow = self._slow(part).astype(found[0].dtype, copy=False)
             found[0] -= slow @ (slow.T @ found[0])
         if polarization is not None:
@@ -95,20 +95,25 @@ class RunData:
         return found
 
     def wandered(self, residual: Array) -> Array:
-        """What of a residual over the whole run is taken for a wandering of its reading, its mean too [m, (n,)]."""
+        """What of a residual over the whole run is of no interest, its mean too [m, (n,)]; see `nuisances`."""
         slow = np.column_stack((np.ones(len(self.record)), self.nuisances(np.arange(len(self.record)))))
         course: Array = slow @ np.linalg.lstsq(slow[self.clear], residual[self.clear], rcond=None)[0]
         return course
 
     def _slow(self, part: str) -> Array:
-        """An orthonormal basis of what a wandering may be at the samples of a part [shape (m, k)]."""
+        """An orthonormal basis of the nuisances at the samples of a part [shape (m, k)]."""
         if part not in self._bases:
             curves = self.nuisances(self.picks[part])
             self._bases[part] = np.linalg.qr(curves - curves.mean(axis=0))[0]
         return self._bases[part]
 
+    @property
+    def has_nuisances(self) -> bool:
+        """Whether its readings hold more than an offset that is taken out of the misfit."""
+        return self.wander > 0.0 or self.fades
+
     def nuisances(self, picks: Picks) -> Array:
-        """Curves beside an offset that the readings of these samples may hold, of no interest [shape (m, k)]."""
+        """Curves of no interest in these samples: what wanders by chance, and what dies out [shape (m, k)]."""
         time = self.record.time
         slow = slow_curves(time[picks], self.wander) if self.wander > 0.0 else np.zeros((len(time[picks]), 0))
         return np.column_stack((slow, fading_curves(time)[picks])) if self.fades else slow

@@ -167,13 +167,13 @@ def _history(found: Hypothesis, number: int, thorough: bool) -> Start:
 
 
 def _absorbed(found: Hypothesis, number: int, part: CountedPart) -> Array | None:
-    """What of a run is not its history's to explain: what parameters do, and what wanders [shape (n, p)]."""
+    """What of a run is not its history's to explain: what parameters do, what wanders, what fades [shape (n, p)]."""
     run = found.staged.runs[number]
     columns = []
     if FIT in run.picks:
         jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
         columns.append(run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)])
-    if run.wander > 0.0 or run.fades:
+    if run.has_nuisances:
         curves = run.nuisances(part.picks)
         columns.append(curves - curves.mean(axis=0))
     return np.column_stack(columns) if columns else None

@@ -49,7 +49,7 @@ def wanders(found: Hypothesis) -> bool:
 
 
 def less_wandering(found: Hypothesis, residuals: Sequence[Array]) -> list[Array]:
-    """Residuals of all runs [m] without what wanders in them; as they are where nothing does."""
+    """Residuals of all runs [m] without what wanders or dies out in them; as they are where nothing does."""
     return [left - _course(run, left) for run, left in zip(found.staged.runs, residuals, strict=True)]
 
 
@@ -60,4 +60,4 @@ def size_of(found: Hypothesis, residuals: Sequence[Array]) -> float:
 
 
 def _course(run: RunData, residual: Array) -> Array:
-    return run.wandered(residual) if run.wander > 0.0 or run.fades else np.zeros_like(residual)
+    return run.wandered(residual) if run.has_nuisances else np.zeros_like(residual)
