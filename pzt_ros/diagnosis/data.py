@@ -115,7 +115,7 @@ class RunData:
     def nuisances(self, picks: Picks) -> Array:
         """Curves of no interest in these samples: what wanders by chance, and what dies out [shape (m, k)]."""
         time = self.record.time
-        slow = slow_curves(time[picks], self.wander) if self.wander > 0.0 else np.zeros((len(time[picks]), 0))
+        slow = slow_curves(time[picks], self.wander) if self.wander > 0.0 else np.zeros((picks.size, 0))
         return np.column_stack((slow, fading_curves(time)[picks])) if self.fades else slow
 
     @cached_property

@@ -19,7 +19,6 @@ from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import SCORE, RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for, taken_up
 from pzt_ros.diagnosis.intervals import note_intervals
@@ -33,6 +32,7 @@ from pzt_ros.diagnosis.next_experiment import (
 )
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
+from pzt_ros.diagnosis.remarks import SPARSE, WORSE, of_readings, of_samples
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -42,7 +42,6 @@ from pzt_ros.effects.table import EFFECT_OF, reported
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thread, threads
 from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
-from pzt_ros.sysid.spikes import told
 
 _SLOW_FLOOR = 2.0
 
@@ -135,12 +134,10 @@ def _report(
         next_drive=drive,
         remarks=(
             *reached.remarks,
-            *((_SPARSE,) if sparse else ()),
-            *((_WANDERS,) if wanders(chosen.final) else ()),
-            *((_FADES,) if any(run.fades for run in chosen.final.staged.runs) else ()),
+            *((SPARSE,) if sparse else ()),
+            *of_readings(chosen.final),
             *(each.remark for each in blind),
-            *_lost(runs),
-            *_spiky(runs),
+            *of_samples(runs),
         ),
         verdict=_verdict(effects, tied, remains, (before, after), len(runs) > trained, silent)
         + _by_chance(chosen.final, remains, after),
@@ -171,7 +168,7 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
         return _Reached(chosen, baseline, model, before, after, ())
-    remark = _WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
+    remark = WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
     return _Reached(nameless, baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
@@ -191,42 +188,6 @@ def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
     return chosen.density == "identified" and final.fit.ratio <= asked.floor and is_off
 
 
-_WORSE = (
-    "What explains most of the misfit where the model was fitted and chosen makes its prediction of the rest worse,"
-    " {after:.4g} nm rms instead of {before:.4g}: so it is not named."
-)
-_SPARSE = (
-    "The identified density describes the train runs down to the noise, but not the test runs: it is not determined"
-    " where those go. That asks for runs at more amplitudes and offsets, not for an effect."
-)
-
-
-_WANDERS = (
-    "The readings wander by chance. That is taken out of the fit, so the model is not bent by it, but it stays in every"
-    " prediction: no model foretells it. A temperature recorded beside the runs would tell whether it is the room."
-)
-
-
-_FADES = (
-    "Runs begin in motion, and the structure still relaxes from what nobody recorded. That dies out, whatever it was:"
-    " it is taken out of the fit, but stays in every prediction. A rest before the run, or a record of it, avoids that."
-)
-
-
-def _lost(runs: Sequence[RunData]) -> list[str]:
-    """Of each run with samples that do not count, how many and why."""
-    counts = {run.record.name: int(np.count_nonzero(lost_turns(run.record))) for run in runs}
-    return [_LOST_TURNS.format(name=name, count=count) for name, count in counts.items() if count]
-
-
-def _spiky(runs: Sequence[RunData]) -> list[str]:
-    return [f"{sentence}." for run in runs for sentence in told(run.record, run.spikes)]
-
-
-_LOST_TURNS = (
-    "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
-    " not in the record."
-)
 _MORE_AMPLITUDES = "Minor loops at amplitudes and offsets between those of the train runs, which the density lacks."
 
 

@@ -36,6 +36,14 @@ def refit(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
     return min(found, key=lambda each: each.total, default=None)
 
 
+def seen_as(before: Hypothesis, prospect: Prospect) -> Hypothesis:
+    """What there was without an effect, its runs seen as with it: what only dies out in them is not the effect's."""
+    runs = prospect.staged.runs
+    if [run.fades for run in runs] == [run.fades for run in before.staged.runs]:
+        return before
+    return fitted(replace(before.staged, runs=runs), before.vector, before.effects, REFIT_STEPS)
+
+
 def rivals_of(found: Sequence[Candidate]) -> list[Candidate]:
     """Those that gain so much of what the best gains that a ceramic that is exact could put them first.
 

@@ -21,7 +21,7 @@ from pzt_ros.diagnosis.elimination import (
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.judge import Judge
-from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, polished, refit, rivals_of, taken_on
+from pzt_ros.diagnosis.refinement import finished, polished, refit, rivals_of, seen_as, taken_on
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
 from pzt_ros.diagnosis.wandering import SPACING, wandering
@@ -337,7 +337,7 @@ class Search(Judge):
         begun = list(self.workers.map(refit, prospects, repeat(before.effects)))
         afters = self._from_the_best(before, prospects, begun)
         tried = [(prospect, after) for prospect, after in zip(prospects, afters, strict=True) if after]
-        found = [Candidate(prospect.effect.name, _seen_as(before, prospect), after) for prospect, after in tried]
+        found = [Candidate(prospect.effect.name, seen_as(before, prospect), after) for prospect, after in tried]
         rivals = [rival for rival in rivals_of(found) if self.is_worth_finishing(rival)]
         unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
         exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
@@ -402,14 +402,6 @@ class Search(Judge):
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
-
-
-def _seen_as(before: Hypothesis, prospect: Prospect) -> Hypothesis:
-    """What there was without an effect, its runs seen as with it: what only dies out in them is not the effect's."""
-    runs = prospect.staged.runs
-    if [run.fades for run in runs] == [run.fades for run in before.staged.runs]:
-        return before
-    return fitted(replace(before.staged, runs=runs), before.vector, before.effects, REFIT_STEPS)
 
 
 def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

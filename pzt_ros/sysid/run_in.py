@@ -37,7 +37,7 @@ def fades(chain: Chain, record: Record) -> bool:
 
 
 def fading_curves(time: Array, longest: float = math.inf) -> Array:
-    """What dies out from the beginning of a run on, with time constants of at most `longest` [s] [shape (n, k)]."""
+    """What dies out from the first of some times on [s, shape (n,)], in `longest` [s] at most [1, shape (n, k)]."""
     times = _FADING_TIMES[longest >= _FADING_TIMES]
     curves: Array = np.exp(-(time - time[0])[:, np.newaxis] / times)
     return curves

@@ -146,8 +146,9 @@ def settle(
         chain: with its parameters fixed.
         part: what may be looked at.
         bases: histories to start from; one without prior reversals where there are none.
-        tangent: how the counted samples change with the parameters [shape (n, p)]; a history is then judged by what is
-            left when the parameters adapt to it, or those fitted to a wrong history would defend it.
+        tangent: how the counted samples change with the parameters, and what else is not the history's to explain
+            [shape (n, p)]; a history is then judged by what is left when these adapt to it, or parameters fitted to a
+            wrong history would defend it.
         noise: of the displacement [m]; a history that leaves no more than that is not questioned.
         thorough: look further beyond the run's range, too, with more of a grid.
     """
@@ -233,7 +234,7 @@ def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
 
 
 def dying_out(chain: Chain, part: CountedPart) -> Array:
-    """What a link of the chain may remember of an unrecorded past in the counted samples [shape (n, k)].
+    """What a link of the chain may remember of an unrecorded past in the counted samples [1, shape (n, k)].
 
     Only as long as an offset can be told from it.
     """

@@ -283,7 +283,7 @@ def test_a_past_that_is_no_memory_is_still_made_longer() -> None:
 
 @pytest.mark.parametrize(("record", "asked"), [(INSIDE, [0]), (run_from_rest(), [])])
 def test_a_run_in_motion_is_asked_for_its_past_until_it_is_at_its_noise(record: Record, asked: list[int]) -> None:
-    """Up to 1.1 x the noise was taken for done: two of eight nulls of the court were "something is missing"."""
+    """Up to 1.1 x the noise was taken for done: a null of the court was "something is missing"."""
     (run,) = split(with_floors((record,)), [])
     left: Any = SimpleNamespace(ratios=(1.02,), staged=SimpleNamespace(runs=(run,)))
     assert _not_clean(left) == asked

@@ -1,0 +1,47 @@
+"""What a report remarks beside its verdict, in words: what was taken out of a fit, and what does not count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pzt_ros.diagnosis.data import RunData
+from pzt_ros.diagnosis.gaps import lost_turns
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.wandering import wanders
+from pzt_ros.sysid.spikes import told
+
+WORSE = (
+    "What explains most of the misfit where the model was fitted and chosen makes its prediction of the rest worse,"
+    " {after:.4g} nm rms instead of {before:.4g}: so it is not named."
+)
+SPARSE = (
+    "The identified density describes the train runs down to the noise, but not the test runs: it is not determined"
+    " where those go. That asks for runs at more amplitudes and offsets, not for an effect."
+)
+_WANDERS = (
+    "The readings wander by chance. That is taken out of the fit, so the model is not bent by it, but it stays in every"
+    " prediction: no model foretells it. A temperature recorded beside the runs would tell whether it is the room."
+)
+_FADES = (
+    "Runs begin in motion, and the structure still relaxes from what nobody recorded. That dies out, whatever it was:"
+    " it is taken out of the fit, but stays in every prediction. A rest before the run, or a record of it, avoids that."
+)
+_LOST_TURNS = (
+    "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
+    " not in the record."
+)
+
+
+def of_readings(found: Hypothesis) -> list[str]:
+    """What was taken out of the misfit of the runs and stays in their prediction."""
+    fading = any(run.fades for run in found.staged.runs)
+    return [*([_WANDERS] if wanders(found) else []), *([_FADES] if fading else [])]
+
+
+def of_samples(runs: Sequence[RunData]) -> list[str]:
+    """Of each run with samples that do not count, how many and why; gaps first, then readings that stand alone."""
+    counts = {run.record.name: int(np.count_nonzero(lost_turns(run.record))) for run in runs}
+    lost = [_LOST_TURNS.format(name=name, count=count) for name, count in counts.items() if count]
+    return [*lost, *(f"{sentence}." for run in runs for sentence in told(run.record, run.spikes))]
