@@ -14,6 +14,7 @@ import numpy as np
 from pzt_ros.diagnosis.data import highest_voltage
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.physics.parametrized import Parametrized
 
 UNKNOWN = {"drive_before": "of unknown amplitude"}
 """Notes of a chain for which it is sought."""
@@ -28,8 +29,10 @@ def with_best_amplitude(found: Hypothesis) -> Hypothesis:
     """Refitted with the amplitude that leaves least, where it is not known and something is left."""
     runs, ceramic = found.staged.runs, found.staged.ceramic
     is_sought = UNKNOWN.items() <= found.staged.chain.notes.items() and not all(run.begins_driven for run in runs)
-    if not is_sought or not isinstance(ceramic, DeclaredHysteresis) or max(found.ratios) <= _CLEAN:
+    if not is_sought or max(found.ratios) <= _CLEAN:
         return found
+    if not (isinstance(ceramic, DeclaredHysteresis) and isinstance(ceramic.model, Parametrized)):
+        return found  # another base beside the same chain's notes
     largest = highest_voltage(runs) / ceramic.model.layer_thickness
     best, tried = found, [float(each) * largest for each in _COARSE]
     for _ in range(2):

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis.base import begun
+from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.hypothesis import fitted
+from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.undeclared import fit_undeclared
+from pzt_ros.diagnosis.undeclared import default_chain, fit_undeclared
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.effects.mains_hum import MainsHum
 from pzt_ros.parallel import IN_THIS_PROCESS
+from pzt_ros.physics.bouc_wen import BoucWen
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.parametrized import Parametrized
 from pzt_ros.physics.signals import Rest, Signals
+from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record
 
 NOISE = 12e-9
@@ -74,6 +81,18 @@ def test_its_parameters_are_those_of_the_stage(stage: Chain, found: Report) -> N
     assert domain.virgin_amplitude == pytest.approx(1.5e6, rel=0.01)
     truth = next(link for link in stage.links if isinstance(link, Parametrized))
     assert domain.barrier_descending == pytest.approx(truth.barrier_descending, rel=0.05)
+
+
+def test_the_drive_before_is_no_matter_of_elements_that_slip() -> None:
+    """They take the ceramic's place in a chain whose notes still ask for it: that ended a diagnosis."""
+    stage = Chain("slips", (BoucWen(), StrainLaw(linear=5e-5)))
+    runs = split(with_floors(runs_of(stage)[0]), [])
+    polycrystal = begun(dataclasses.replace(default_chain(runs), notes=UNKNOWN), runs)
+    elements = fit_bouc_wen(polycrystal, lambda text: None)
+    assert elements is not None
+    worse = dataclasses.replace(elements, vector=1.01 * elements.vector)
+    for each in (elements, fitted(worse.staged, worse.vector, most_steps=0)):
+        assert with_best_amplitude(each) is each
 
 
 def test_a_polycrystal_stays_one() -> None:
