@@ -15,8 +15,9 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Columns
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.records import Record
+from pzt_ros.sysid.fading import fading_curves
 from pzt_ros.sysid.run import begins_driven, drive_of, first_half
-from pzt_ros.sysid.run_in import fades, fading_curves, running_in
+from pzt_ros.sysid.run_in import fades, running_in
 from pzt_ros.sysid.spikes import Spikes
 
 Picks = NDArray[np.intp]

@@ -18,9 +18,12 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.covariance import effective_samples, parameter_covariance
+from pzt_ros.sysid.fading import fading_curves
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.result import SETTLE_TIME
-from pzt_ros.sysid.run import rms, usual_past
+from pzt_ros.sysid.run import Start, rms, usual_past
+from pzt_ros.sysid.start import reading_beyond
+from pzt_ros.sysid.start_notes import start_as_data
 
 _NORMAL_95 = 1.96
 _FEWEST_TO_SETTLE = 20  # samples
@@ -58,21 +61,8 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     known = [number for number in staged.fitted if not _settles(staged.runs[number])]
     outputs = staged.outputs(vector, known)
     for number, (displacement, _) in zip(known, outputs, strict=True):
-        run = staged.runs[number]
-        picks = run.picks[FIT]
-        sought = zip(staged.coordinates, vector[own:], strict=True)
-        values = {each.parameter: each.si(float(value)) for each, value in sought if each.run == number}
-        values.update({each.parameter: each.start for each in staged.given if each.run == number})
-        entry: dict[str, Any] = {
-            "sha256": run.record.sha256,
-            "name": run.record.name,
-            "prior_voltage_V": list(starts[number].prior_voltages),
-            "leg_s": starts[number].leg,
-            "offset_m": float(np.mean((run.record.displacement - displacement)[picks])),
-        }
-        if starts[number].occupancy:
-            entry["occupancy"] = list(starts[number].occupancy)
-        entries.append({**entry, "values": values} if values else entry)
+        start = _start_of(staged, vector, number, displacement, starts[number])
+        entries.append(start_as_data(start, staged.runs[number].record.sha256, staged.runs[number].record.name))
     per_run = sorted({each.parameter for each in staged.coordinates if each.run is not None})
     past = usual_past([starts[n] for n in staged.fitted], [staged.runs[n].begins_driven for n in staged.fitted])
     other: dict[str, Any] = {"settle_s": SETTLE_TIME, "prior_voltage_V": list(past)}
@@ -83,6 +73,18 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     notes = {"description": f"{name}, fitted by pzt diagnose", "start": {"runs": entries, "other": other}}
     notes["fit"] = {"command": command, "parameters": estimates(hypothesis)}
     return replace(chain, name=f"{staged.chain.name}-{name}", notes=notes)
+
+
+def _start_of(staged: Staged, vector: Array, number: int, displacement: Array, start: Start) -> Start:
+    """The history of a fitted run with what else belongs to it: parameters of its own, offset, what dies out."""
+    run = staged.runs[number]
+    picks, left = run.picks[FIT], run.record.displacement - displacement
+    fading = fading_curves(run.record.time)[picks] if run.fades else np.zeros((picks.size, 0))
+    offset, sizes = reading_beyond(left[picks], fading)
+    sought = zip(staged.coordinates, vector[staged.ceramic.start.size :], strict=True)
+    values = {each.parameter: each.si(float(value)) for each, value in sought if each.run == number}
+    values.update({each.parameter: each.start for each in staged.given if each.run == number})
+    return replace(start, offset=offset, fading=sizes, values=tuple(values.items()))
 
 
 def _going(staged: Staged, written: Sequence[int]) -> dict[str, dict[str, float]]:

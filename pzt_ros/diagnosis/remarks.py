@@ -26,7 +26,8 @@ _WANDERS = (
 )
 _FADES = (
     "Runs begin in motion, and the structure still relaxes from what nobody recorded. That dies out, whatever it was:"
-    " it is taken out of the fit, but stays in every prediction. A rest before the run, or a record of it, avoids that."
+    " it is taken out of the fit, and a prediction takes it from the first half of a run. A rest before the run, or a"
+    " record of it, avoids that."
 )
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"

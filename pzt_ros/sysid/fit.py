@@ -24,7 +24,16 @@ from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, begins_driven, check_usable, rms
 from pzt_ros.sysid.spikes import without_spikes
-from pzt_ros.sysid.start import PRICE, CountedPart, counted_part, first_guesses, settle, voltage_bounds, with_offset
+from pzt_ros.sysid.start import (
+    PRICE,
+    CountedPart,
+    counted_part,
+    dying_out,
+    first_guesses,
+    settle,
+    voltage_bounds,
+    with_offset,
+)
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 
@@ -170,7 +179,8 @@ def _with_best_histories(problem: Problem, vector: Array) -> tuple[Problem, Arra
 
 
 def _settled(chain: Chain, part: CountedPart, tangent: Array) -> Start:
-    return settle(chain, part, tangent=tangent)
+    beside = np.column_stack((tangent, dying_out(chain, part)))
+    return settle(chain, part, tangent=beside, noise=noise_floor(part.record.displacement).rms)
 
 
 def _is_better(problem: Problem, vector: Array, other: Problem, other_vector: Array) -> bool:

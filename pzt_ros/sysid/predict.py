@@ -20,7 +20,8 @@ from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
 from pzt_ros.sysid.spikes import without_spikes
-from pzt_ros.sysid.start import CountedPart, counted_part, dying_out, misfit_at, pays, settle, with_offset
+from pzt_ros.sysid.start import CountedPart, at_its_best, counted_part, dying_out, misfit_at, pays, settle, with_offset
+from pzt_ros.sysid.start_notes import start_from_data
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
@@ -191,7 +192,8 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
     bases = [replace(base, prior_voltages=past) for past in dict.fromkeys(pasts)]
-    return settle(model, counted, bases[:_MOST_BASES], dying_out(model, counted), noise=noise)
+    found = settle(model, counted, bases[:_MOST_BASES], dying_out(model, counted), noise=noise)
+    return at_its_best(model, counted, found)
 
 
 def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:
@@ -223,7 +225,7 @@ def with_own_values_fitted(
     names = list(expected)
 
     def displacement(values: Sequence[float]) -> Array:
-        given = replace(start, offset=0.0, values=(*start.values, *zip(names, values, strict=True)))
+        given = replace(start.without_reading, values=(*start.values, *zip(names, values, strict=True)))
         found = free_run(chain, part.record, given, part.picks, part.end).displacement
         return found - found.mean()
 
@@ -257,19 +259,9 @@ def fitted_starts(chain: Chain) -> dict[str, Start]:
     """
     notes = chain.notes.get("start", {})
     try:
-        return {str(run["sha256"]): _start_from(run) for run in notes.get("runs", [])}
+        return {str(run["sha256"]): start_from_data(run) for run in notes.get("runs", [])}
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _malformed(chain, error) from None
-
-
-def _start_from(run: Mapping[str, Any]) -> Start:
-    return Start(
-        tuple(float(v) for v in run["prior_voltage_V"]),
-        float(run["leg_s"]),
-        float(run["offset_m"]),
-        tuple(float(v) for v in run.get("occupancy", ())),
-        tuple((str(name), float(value)) for name, value in run.get("values", {}).items()),
-    )
 
 
 def _rule_for_others(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import repeat
 
 import numpy as np
@@ -14,7 +14,7 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.parameters import FreeParameter, with_values
 from pzt_ros.sysid.run import Start, free_run, rms
-from pzt_ros.sysid.start import CountedPart, prior_shares, share_bounds, with_shares
+from pzt_ros.sysid.start import CountedPart, dying_out, prior_shares, share_bounds, with_shares
 
 STEP = 1e-3
 """Difference step of the coordinates: a share of the value or of the range; the integration's noise is far below it."""
@@ -25,7 +25,7 @@ class Problem:
     """Residuals and Jacobian over all runs, in coordinates without unit.
 
     The vector is: the free parameters, then run by run the prior reversals as a share of the voltages allowed. The
-    offset of each run is solved exactly by taking out the mean.
+    offset of each run, and what dies out in it, are solved exactly by taking them out.
 
     Attributes:
         chain: with the values that are not free.
@@ -75,7 +75,7 @@ class Problem:
         return [with_shares(start, part.record, [left.pop(0) for _ in start.prior_voltages]) for part, start in pairs]
 
     def residuals(self, vector: Array) -> list[Array]:
-        """Measurement minus model of every run, its mean taken out [m, each shape (n,)]."""
+        """Measurement minus model of every run, its mean and what dies out taken out [m, each shape (n,)]."""
         starts = self.starts_at(vector)
         found = list(
             self.workers.map(_misfit, repeat(self.chain), repeat(self.free), repeat(vector), self.parts, starts)
@@ -135,11 +135,13 @@ def _valued(chain: Chain, free: Sequence[FreeParameter], vector: Array) -> Chain
 
 
 def _misfit(chain: Chain, free: Sequence[FreeParameter], vector: Array, part: CountedPart, start: Start) -> Array:
-    """Measurement minus model of one run, its mean taken out [m, shape (n,)]."""
-    model = free_run(_valued(chain, free, vector), part.record, replace(start, offset=0.0), part.picks, part.end)
+    """Measurement minus model of one run, its mean and what dies out taken out [m, shape (n,)]."""
+    model = free_run(_valued(chain, free, vector), part.record, start.without_reading, part.picks, part.end)
     difference = part.displacement - model.displacement
     centred: Array = difference - difference.mean()
-    return centred
+    fading = dying_out(chain, part)
+    basis = np.linalg.qr(fading - fading.mean(axis=0))[0]
+    return centred - basis @ (basis.T @ centred)
 
 
 def _misfit_or_none(

@@ -18,6 +18,7 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.noise import NoiseFloor
 from pzt_ros.sysid.profile import Interval
 from pzt_ros.sysid.run import Start, usual_past
+from pzt_ros.sysid.start_notes import start_as_data
 
 SETTLE_TIME = 1.0
 """How much of the start of an unknown run a prediction may look at for offset and history [s]."""
@@ -149,7 +150,7 @@ class FitResult:
         """The chain with notes on the fit and the rule by which a prediction starts."""
         past = usual_past([run.start for run in self.runs], [run.begins_driven for run in self.runs])
         start = {
-            "runs": [_start_as_data(run) for run in self.runs],
+            "runs": [start_as_data(run.start, run.sha256, run.name) for run in self.runs],
             "other": {"settle_s": SETTLE_TIME, "prior_voltage_V": list(past)},
         }
         return replace(self.chain, notes={**self.chain.notes, "fit": self.as_data(command), "start": start})
@@ -240,14 +241,4 @@ def _run_as_data(run: RunFit) -> dict[str, Any]:
         "noise_of_means_m": run.noise.of_means,
         "correlation_time_s": run.correlation_time,
         "history_at_bound": run.history_at_bound,
-    }
-
-
-def _start_as_data(run: RunFit) -> dict[str, Any]:
-    return {
-        "sha256": run.sha256,
-        "name": run.name,
-        "prior_voltage_V": list(run.start.prior_voltages),
-        "leg_s": run.start.leg,
-        "offset_m": run.start.offset,
     }

@@ -16,6 +16,7 @@ from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.records import Record
+from pzt_ros.sysid.fading import fading_course
 
 CHUNK = 250_000
 """Samples that run through a chain at once; bounds the memory that long records take."""
@@ -57,6 +58,7 @@ class Start:
         offset: reading at zero displacement of the chain [m].
         occupancy: x+ at the first sample on the grid of an identified lattice; empty for its own initial state.
         values: parameters that belong to this run and not to the stage [SI], by `link.parameter`.
+        fading: what dies out after the first sample [m], by `fading_course`; none where nothing does.
     """
 
     prior_voltages: tuple[float, ...] = ()
@@ -64,6 +66,20 @@ class Start:
     offset: float = 0.0
     occupancy: tuple[float, ...] = ()
     values: tuple[tuple[str, float], ...] = ()
+    fading: tuple[float, ...] = ()
+
+    @property
+    def without_reading(self) -> Start:
+        """The same without what only the reading has: offset, and what dies out."""
+        return replace(self, offset=0.0, fading=())
+
+    def reading(self, time: Array, begin: float) -> Array:
+        """What a reading has beyond the chain's displacement at some times [s, shape (n,)] of a run that begins [s].
+
+        Returns:
+            Offset, and what dies out [m, shape (n,)].
+        """
+        return self.offset + fading_course(time, begin, self.fading)
 
     def __str__(self) -> str:
         if self.occupancy:
@@ -142,7 +158,9 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
         part = slice(low, min(low + CHUNK, end))
         state, out = chain.step(state, drive_of(record, part))
         kept.append(_pick(out, wanted[part]))
-    return _joined(kept, chain, start.offset)
+    joined = _joined(kept, chain)
+    reading = start.reading(joined.time, float(record.time[0]))
+    return joined.replace(displacement=joined.displacement + reading)
 
 
 def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
@@ -215,7 +233,7 @@ def _pick(out: Signals, wanted: NDArray[np.bool_]) -> Signals:
     return Signals(**{name: value[wanted] for name, value in values.items() if value.size})
 
 
-def _joined(parts: list[Signals], chain: Chain, offset: float) -> Signals:
+def _joined(parts: list[Signals], chain: Chain) -> Signals:
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
     displacement = joined["displacement"]
     if displacement.size != joined["time"].size:
@@ -226,7 +244,7 @@ def _joined(parts: list[Signals], chain: Chain, offset: float) -> Signals:
             f"{chain.name}: the chain's displacement is {displacement[bad[0]]} at {joined['time'][bad[0]]:.6g} s;"
             " its parameters are out of reason for this drive"
         )
-    return Signals(**{**joined, "displacement": displacement + offset})
+    return Signals(**joined)
 
 
 def check_usable(record: Record, span: Span, least: int) -> None:

@@ -7,19 +7,15 @@ a bandwidth of 3 x the noise it was 30 x at the first sample of a sine, and past
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import begins_driven
 
 _LASTS = 0.05  # s: five times 10 ms
 _MOST = 0.1  # of a run
-_FADING_TIMES = 0.1 * 4.0 ** np.arange(5)  # s, to 26
 _MOVES = 0.01  # of the drive's span within that time; less is rest
 
 
@@ -34,10 +30,3 @@ def running_in(record: Record) -> NDArray[np.bool_]:
 def fades(chain: Chain, record: Record) -> bool:
     """Whether a run begins with what a link of the chain remembers of a past that nobody recorded."""
     return begins_driven(record) and any(link.remembers for link in chain.links)
-
-
-def fading_curves(time: Array, longest: float = math.inf) -> Array:
-    """What dies out from the first of some times on [s, shape (n,)], in `longest` [s] at most [1, shape (n, k)]."""
-    times = _FADING_TIMES[longest >= _FADING_TIMES]
-    curves: Array = np.exp(-(time - time[0])[:, np.newaxis] / times)
-    return curves

@@ -1,0 +1,37 @@
+"""A run's start as the `start:` of a model's file has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pzt_ros.sysid.run import Start
+
+
+def start_as_data(start: Start, sha256: str, name: str) -> dict[str, Any]:
+    """The entry of a run that was fitted; what it has nothing of is left out."""
+    entry = {
+        "sha256": sha256,
+        "name": name,
+        "prior_voltage_V": list(start.prior_voltages),
+        "leg_s": start.leg,
+        "offset_m": start.offset,
+    }
+    more = {"occupancy": list(start.occupancy), "values": dict(start.values), "fading_m": list(start.fading)}
+    return {**entry, **{key: value for key, value in more.items() if value}}
+
+
+def start_from_data(entry: Mapping[str, Any]) -> Start:
+    """The start of an entry.
+
+    Raises:
+        KeyError, TypeError, ValueError: the entry lacks something, or it is no number.
+    """
+    return Start(
+        tuple(float(v) for v in entry["prior_voltage_V"]),
+        float(entry["leg_s"]),
+        float(entry["offset_m"]),
+        tuple(float(v) for v in entry.get("occupancy", ())),
+        tuple((str(name), float(value)) for name, value in entry.get("values", {}).items()),
+        tuple(float(size) for size in entry.get("fading_m", ())),
+    )
