@@ -18,6 +18,8 @@ from pzt_ros.diagnosis.refinement import taken_on
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.diagnosis.strain_laws import with_free_law
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
@@ -33,12 +35,14 @@ class Branch:
         base: without an effect.
         steps: of the search.
         is_all_seen: whether it was fitted to what chooses, too.
+        has_free_law: whether its strain law has more powers than were declared.
     """
 
     density: str
     base: Hypothesis
     steps: tuple[Step, ...]
     is_all_seen: bool = False
+    has_free_law: bool = False
 
     @property
     def final(self) -> Hypothesis:
@@ -115,6 +119,9 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
         steps = paired if search.explains(paired, declared) else steps
+    lawful = _on_free_law(declared, steps, search)
+    if lawful is not None:
+        return [lawful]
     if declared.fit.ratio <= asked.reachable:
         steps = search.with_wandering(steps, declared)
     branch = _on_declared(declared, tuple(steps))
@@ -135,6 +142,27 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
 def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:
     is_many = any(isinstance(link, Polycrystal) for link in declared.staged.chain.links)
     return Branch("gaussian" if is_many else "none", declared, steps)
+
+
+def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:
+    """The search beside a strain law with more powers, where that is all that is missing beside an effect.
+
+    An effect takes up what a wrong law leaves, and so do its rivals: a lag of 3 x beside another law tied with a
+    bandwidth and a mode, and is named beside the right one.
+    """
+    final, curve = steps[-1].after, SensorNonlinearity.kind  # which is a strain law itself
+    if search.at_floor(final) or curve in final.effects:
+        return None
+    found = [final, *(each.after for each in steps[-1].candidates)]
+    freed = search.workers.map(with_free_law, [each for each in found if each.effects and curve not in each.effects])
+    if not any(there is not None and search.at_floor(there) for there in freed):
+        return None
+    base = with_free_law(declared)
+    if base is None:
+        return None
+    search = dataclasses.replace(search, thresholds=search.thresholds.on_free_law())
+    branch = dataclasses.replace(_on_declared(base, tuple(search.run(base))), has_free_law=True)
+    return branch if search.explains(branch.steps, base) else None
 
 
 def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:

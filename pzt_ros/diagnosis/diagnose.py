@@ -32,7 +32,7 @@ from pzt_ros.diagnosis.next_experiment import (
 )
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
-from pzt_ros.diagnosis.remarks import SPARSE, WORSE, of_readings, of_samples
+from pzt_ros.diagnosis.remarks import LAW, SPARSE, WORSE, of_readings, of_samples
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -73,6 +73,7 @@ def diagnose(
     """
     began = time.monotonic()
     asked = thresholds or Thresholds()
+    asked = asked if chain else asked.on_undeclared()
     check_runs(train, test)
     all_runs = with_floors((*train, *test))
     runs = split(all_runs[: len(train)], all_runs[len(train) :])
@@ -135,6 +136,7 @@ def _report(
         remarks=(
             *reached.remarks,
             *((SPARSE,) if sparse else ()),
+            *((LAW,) if chosen.has_free_law else ()),
             *of_readings(chosen.final),
             *(each.remark for each in blind),
             *of_samples(runs),

@@ -29,6 +29,10 @@ _FADES = (
     " it is taken out of the fit, and a prediction takes it from the first half of a run. A rest before the run, or a"
     " record of it, avoids that."
 )
+LAW = (
+    "The strain goes with other powers of the polarization than was declared: a law up to the third was fitted in its"
+    " place. The curve of a sensor would look alike."
+)
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
     " not in the record."

@@ -58,6 +58,8 @@ class Thresholds:
             on a density that was fitted to all seen: without an effect that is off by 0.08 at most.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
             curve leaves to be as good.
+        undeclared_law_tie: the same where no law was declared, so that one up to the third power stands for any: of
+            one with a fourth it left 1.034 and 1.038 x the noise, and a curve was named.
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
             that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
         refits: candidates that are refitted at most.
@@ -113,6 +115,7 @@ class Thresholds:
     overwhelming: float = 100.0
     told_apart: float = math.inf
     law_tie: float = 0.12
+    undeclared_law_tie: float = 0.25
     flexible_law_tie: float = 2.5
     refits: int = 4
     most_effects: int = 4
@@ -128,6 +131,14 @@ class Thresholds:
     def on_trial(self) -> Thresholds:
         """What is asked on the declared base before the flexible one was tried."""
         return replace(self, far_promise=self.trial_promise)
+
+    def on_undeclared(self) -> Thresholds:
+        """What is asked where no chain was declared, and so no strain law."""
+        return replace(self, law_tie=self.undeclared_law_tie)
+
+    def on_free_law(self) -> Thresholds:
+        """What is asked beside a strain law with more powers than were declared: a sensor's curve may be one more."""
+        return replace(self, law_tie=self.flexible_law_tie)
 
     def on_flexible(self) -> Thresholds:
         """What is asked on the flexible base: its own misfit is less well known, so more."""

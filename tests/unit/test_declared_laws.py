@@ -9,10 +9,13 @@ import pytest
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.branches import _on_free_law
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.flexible import beside_the_rest
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.undeclared import default_chain
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Rest, Signals
@@ -100,3 +103,48 @@ def test_another_law_stands_in_place_of_whatever_was_declared(law: Link, kinds: 
     moved[staged.ceramic.start.size] *= 1.1
     (displacement, _), (other, _) = (staged.outputs(vector, [0])[0] for vector in (start, moved))
     assert np.ptp(other - displacement) > 1e-8
+
+
+CURVED = StrainLaw(linear=2e-6, quadratic=0.9 * QUADRATIC, cubic=8e-5)
+
+
+def curved_runs(hum: float = 0.0) -> list[RunData]:
+    """Of the plant with a strain law that no chain declares, and hum on the voltage's reading [m]."""
+    plant = PLAIN.with_links(lambda link: CURVED if isinstance(link, Electrostriction) else link)
+    return [
+        dataclasses.replace(run, record=_read(run, plant, hum, seed)) for seed, run in enumerate(runs(1.0), start=2)
+    ]
+
+
+def _read(run: RunData, plant: Chain, hum: float, seed: int) -> Record:
+    signals = run.signals
+    _, out = plant.step(plant.init(Rest(time=0.0)), signals)
+    noise = NOISE * np.random.default_rng(seed).standard_normal(signals.time.size)
+    wave = hum * np.sin(2.0 * np.pi * 50.0 * signals.time)
+    return Record(f"curved {seed}", {**run.record.columns, "displacement_m": out.displacement + noise + wave})
+
+
+def test_an_effect_is_found_beside_another_strain_law_than_was_declared() -> None:
+    """Beside the declared law it is named as well, but something else is left; beside a free one nothing is."""
+    chain = declared(Electrostriction(coefficient=QUADRATIC / 8e-3, active_length=8e-3))
+    found = fit_declared(chain, curved_runs(3e-8), lambda text: None)
+    search = Search(effects=(EFFECT_OF["mains_hum"],))
+    steps = search.run(found)
+    assert max(steps[-1].after.ratios) > 1.1
+    branch = _on_free_law(found, steps, search)
+    assert branch is not None
+    assert branch.has_free_law
+    assert branch.final.effects == ("mains_hum",)
+    assert max(branch.final.ratios) < 1.05
+    law = next(link for link in branch.final.staged.chain_at(branch.final.vector).links if isinstance(link, StrainLaw))
+    signals = curved_runs()[0].signals
+    plant = PLAIN.with_links(lambda link: CURVED if isinstance(link, Electrostriction) else link)
+    p = plant.step(plant.init(Rest(time=0.0)), signals)[1].polarization
+    there, truth = (each.linear * p + each.quadratic * p**2 + each.cubic * p**3 for each in (law, CURVED))
+    assert np.std(there - truth) < 0.02 * np.std(truth)
+
+
+def test_a_declared_strain_law_that_holds_is_not_freed() -> None:
+    found = fitted_to(Electrostriction(coefficient=0.9 * QUADRATIC / 8e-3, active_length=8e-3))
+    search = Search(effects=(EFFECT_OF["mains_hum"],))
+    assert _on_free_law(found, search.run(found), search) is None

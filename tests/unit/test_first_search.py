@@ -191,9 +191,9 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     assert (first.density, second.density) == ("gaussian", "identified")
 
 
-@pytest.mark.parametrize(("last", "tried"), [(1.08, 0), (1.2, 2)])
+@pytest.mark.parametrize(("last", "lawful", "tried"), [(1.08, False, 0), (1.2, False, 2), (1.2, True, 0)])
 def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
-    monkeypatch: pytest.MonkeyPatch, last: float, tried: int
+    monkeypatch: pytest.MonkeyPatch, last: float, lawful: bool, tried: int
 ) -> None:
     """No other would be believed instead; four minutes were spent on identifying densities."""
     declared = leaving(1.3, 1.3, 1.3)
@@ -214,10 +214,13 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(Search, "is_outdone", lambda self, steps, base: True)
     monkeypatch.setattr(branches, "_better", lambda declared, steps: declared)
+    free = branches.Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
+    monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
     monkeypatch.setattr(branches, "_on_elements", other("elements"))
     monkeypatch.setattr(branches, "_on_relays", other("relays"))
     found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert found[0].final is named
+    assert found[0].has_free_law is lawful
     assert len(others) == tried
 
 
