@@ -109,7 +109,7 @@ def _report(
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     floor = asked.flexible_remains if chosen.density == "identified" else asked.floor
     remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, _SLOW_FLOOR)
-    sparse = _is_sparse(chosen, asked) and remains.present
+    sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
     if sparse:
         remains = dataclasses.replace(remains, present=False)
     effects = _found(chosen, runs, (before, after), reached.model, command)
@@ -184,10 +184,13 @@ def _last_fit(found: Hypothesis, density: str) -> Hypothesis:
 
 
 def _is_sparse(chosen: Branch, asked: Thresholds) -> bool:
-    """Whether an identified density is clean where it was fitted and not where it was not: not identified there."""
+    """Whether an identified density is clean where it was fitted, and runs that it was not fitted to may go elsewhere.
+
+    What is left of those is its own matter then, and not something that no effect explains.
+    """
     final = chosen.final
-    is_off = chosen.is_all_seen or final.selection.ratio > asked.floor
-    return chosen.density == "identified" and final.fit.ratio <= asked.floor and is_off
+    tested = any(SCORE in run.picks for run in final.staged.runs)
+    return chosen.density == "identified" and tested and final.fit.ratio <= asked.floor
 
 
 _MORE_AMPLITUDES = "Minor loops at amplitudes and offsets between those of the train runs, which the density lacks."

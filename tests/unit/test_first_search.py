@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.diagnose import _is_sparse
 from pzt_ros.diagnosis.hypothesis import Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
@@ -222,6 +223,37 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     assert found[0].final is named
     assert found[0].has_free_law is lawful
     assert len(others) == tried
+
+
+@pytest.mark.parametrize(("left", "effects", "is_so"), [(1.04, 1, True), (1.3, 1, False), (1.04, 0, False)])
+def test_a_density_that_bent_for_an_effect_shows_it_where_it_was_not_fitted(
+    monkeypatch: pytest.MonkeyPatch, left: float, effects: int, is_so: bool
+) -> None:
+    """A court case: a hysteresis of the strain of 3 x, 1.01 x where a density was fitted, 1.5 and 3.5 x elsewhere."""
+    flexible, found = leaving(1.01, 1.5, 1.6), leaving(1.0, left, left, effects=("sensor_lag",) * effects)
+    monkeypatch.setattr(Search, "run", lambda self, base: [Step(base, (), {}, (), (), "")])
+    monkeypatch.setattr(Step, "after", property(lambda self: found))
+    branch = branches._foretold(flexible, Search())
+    assert (branch is not None) is is_so
+    assert branch is None or (branch.base is flexible and branch.density == "identified")
+
+
+@pytest.mark.parametrize(
+    ("density", "fit", "part", "is_so"),
+    [
+        ("identified", 1.01, "score", True),
+        ("identified", 1.2, "score", False),
+        ("gaussian", 1.01, "score", False),
+        ("identified", 1.01, "fit", False),
+    ],
+)
+def test_what_a_clean_density_leaves_of_other_runs_is_its_own_matter(
+    density: str, fit: float, part: str, is_so: bool
+) -> None:
+    """Nulls of other densities, 1.0 x where all was fitted, had something missing: 1.06 to 1.6 x where nothing was."""
+    base = leaving(fit, 1.0, 1.0)
+    base.staged = SimpleNamespace(runs=[SimpleNamespace(picks={part: []})])
+    assert _is_sparse(branches.Branch(density, base, ()), Thresholds()) is is_so
 
 
 @pytest.mark.parametrize(("made_up", "driven"), [([True, False], [False, True]), ([False, True], [False, True])])
