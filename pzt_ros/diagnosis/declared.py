@@ -19,7 +19,7 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
-from pzt_ros.sysid.run import Start, begun_ceramic
+from pzt_ros.sysid.run import Start, begun_ceramic, way_of
 from pzt_ros.sysid.start import prior_shares, share_bounds, with_shares
 
 _STEP = 1e-3
@@ -230,6 +230,11 @@ class DeclaredHysteresis:
     def start_of(self, vector: Array, number: int) -> Start:
         """The history of a run, with the reversals of the vector."""
         return with_shares(self.starts[number], self.records[number], vector[self.places_of(number)])
+
+    def way_of(self, vector: Array, number: int) -> Array:
+        """P at the reversals before a run [C/m^2, shape (k,)], by what is moved in place of the model."""
+        start = self.start_of(vector, number)
+        return way_of(self._near(vector, number), self.records[number], start, self.gain)
 
     def places_of(self, number: int) -> list[int]:
         """The prior reversals of a run belong to it alone."""

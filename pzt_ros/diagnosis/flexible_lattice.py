@@ -82,6 +82,10 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         """The occupancy that was fitted, or its own initial state."""
         return Start(occupancy=tuple(float(share) for share in self.occupancy(vector, number)))
 
+    def way_of(self, vector: Array, number: int) -> Array:
+        """Nothing: how a run came to its start is not known."""
+        return np.empty(0)
+
     def places_of(self, number: int) -> list[int]:
         """The occupancy at the start of a run belongs to it alone."""
         place = self._places(number)

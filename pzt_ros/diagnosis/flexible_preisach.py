@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
@@ -59,6 +61,10 @@ class FlexiblePreisach(RateIndependentHysteresis):
     def start_of(self, vector: Array, number: int) -> Start:
         """How a run starts: in the initial state."""
         return Start()
+
+    def way_of(self, vector: Array, number: int) -> Array:
+        """Nothing: how a run came to its start is not known."""
+        return np.empty(0)
 
     def places_of(self, number: int) -> list[int]:
         """Unknowns that belong to one run alone: none."""

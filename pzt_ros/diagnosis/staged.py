@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol
 
 import numpy as np
@@ -17,14 +18,15 @@ import numpy as np
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.data import FIT, RunData, seen_through
 from pzt_ros.effects.insert import without_effect
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link, State
-from pzt_ros.physics.signals import Array, Rest, Signals
-from pzt_ros.sysid.run import Start, begun
+from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
+from pzt_ros.sysid.run import Start, begun, by_way_of, turned
 
-_STEP = 1e-4  # of a coordinate
+_STEP, _WAY_STEP = 1e-4, 1e-3  # of a coordinate behind the ceramic, and of one of its own
 
 
 class Hysteresis(Protocol):
@@ -68,6 +70,10 @@ class Hysteresis(Protocol):
 
     def start_of(self, vector: Array, number: int) -> Start:
         """How a run starts."""
+        ...
+
+    def way_of(self, vector: Array, number: int) -> Array:
+        """P at the reversals before a run [C/m^2, shape (k,)]; none where they are not known."""
         ...
 
     def places_of(self, number: int) -> list[int]:
@@ -143,12 +149,15 @@ class Staged:
         residuals, jacobians = [], []
         for number, signals, p, columns in zip(numbers, driven, polarized, along, strict=True):
             run, behind = self.runs[number], self._behind(vector, number)
-            here = _seen(behind, signals, p)
+            way = self._way(vector, number)
+            turns = self._way_changes(vector, number, way).astype(columns.dtype)
+            here = _seen(behind, signals, p, way)
             residual = run.misfit(part, *here)
             jacobian = np.zeros((residual.size, vector.size), dtype=columns.dtype)
-            jacobian[:, : self._own] = run.change(part, *_carried(behind, signals, p, columns))
+            jacobian[:, : self._own] = run.change(part, *_carried(behind, signals, p, columns, (way, turns)))
             for k in range(len(self.coordinates)):
-                jacobian[:, self._own + k] = run.change(part, *self._difference(vector, number, k, signals, p, here))
+                moved = self._difference(vector, number, k, (signals, p, way), here)
+                jacobian[:, self._own + k] = run.change(part, *moved)
             residuals.append(residual)
             jacobians.append(jacobian)
         return residuals, jacobians
@@ -157,8 +166,10 @@ class Staged:
         """Displacement [m] and recorded polarization [C/m^2] of runs, at every sample."""
         driven = [self._driven(vector, number) for number in numbers]
         polarized = self.ceramic.polarization(vector[: self._own], self._voltages(driven, numbers))
-        pairs = zip(numbers, driven, polarized, strict=True)
-        return [_seen(self._behind(vector, number), signals, p) for number, signals, p in pairs]
+        return [
+            _seen(self._behind(vector, number), signals, p, self._way(vector, number))
+            for number, signals, p in zip(numbers, driven, polarized, strict=True)
+        ]
 
     def exact_at(self, vector: Array) -> Staged:
         """The same with the ceramic exact at a vector."""
@@ -220,6 +231,22 @@ class Staged:
     def _behind(self, vector: Array, number: int) -> tuple[Link, ...]:
         return self._links(vector, number)[self._place + 1 :]
 
+    def _way(self, vector: Array, number: int) -> Array:
+        """Polarization at the reversals before a run [C/m^2, shape (k,)], where a link asks for it."""
+        asked = any(link.follows_turns for link in self.chain.links)
+        return self.ceramic.way_of(vector[: self._own], number) if asked else np.empty(0)
+
+    def _way_changes(self, vector: Array, number: int, way: Array) -> Array:
+        """How that changes with the ceramic's unknowns, by differences [shape (k, p)]."""
+        columns = np.zeros((way.size, self._own))
+        others = {place for run in range(len(self.runs)) if run != number for place in self.ceramic.places_of(run)}
+        for k in set(range(self._own)) - others if way.size else ():
+            moved = vector[: self._own].copy()
+            moved[k] += _WAY_STEP if vector[k] + _WAY_STEP <= self.ceramic.upper[k] else -_WAY_STEP
+            with suppress(BenchError):  # the link refuses this combination of values: taken as one that changes nothing
+                columns[:, k] = (self.ceramic.way_of(moved, number) - way) / (moved[k] - vector[k])
+        return columns
+
     def _voltages(self, driven: Sequence[Signals], numbers: Sequence[int]) -> list[Array]:
         """Of every run; empty for those that are not asked for."""
         voltages = [np.empty(0)] * len(self.runs)
@@ -228,7 +255,12 @@ class Staged:
         return voltages
 
     def _difference(
-        self, vector: Array, number: int, k: int, signals: Signals, p: Array, here: tuple[Array, Array]
+        self,
+        vector: Array,
+        number: int,
+        k: int,
+        polarized: tuple[Signals, Array, Array],
+        here: tuple[Array, Array],
     ) -> tuple[Array, Array]:
         """How the outputs of a run change with coordinate k of the other links."""
         each = self.coordinates[k]
@@ -240,17 +272,11 @@ class Staged:
         if self._is_before(each):
             there = self.outputs(moved, [number])[0]
         else:
-            there = _seen(self._behind(moved, number), signals, p)
+            there = _seen(self._behind(moved, number), *polarized)
         return (there[0] - here[0]) / step, (there[1] - here[1]) / step
 
     def _is_before(self, each: Coordinate) -> bool:
         return any(link.kind == each.kind for link in self.chain.links[: self._place])
-
-
-def _passed(links: Sequence[Link], signals: Signals) -> Signals:
-    """Signals behind a row of links that start at rest where the run starts."""
-    rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
-    return _stepped(links, [link.init(rest) for link in links], signals)
 
 
 def _stepped(links: Sequence[Link], states: Sequence[State], signals: Signals) -> Signals:
@@ -259,22 +285,40 @@ def _stepped(links: Sequence[Link], states: Sequence[State], signals: Signals) -
     return signals
 
 
-def _seen(behind: Sequence[Link], signals: Signals, polarization: Array) -> tuple[Array, Array]:
-    """Displacement and polarization as recorded."""
-    out = _passed(behind, signals.replace(polarization=polarization))
+def _seen(behind: Sequence[Link], signals: Signals, polarization: Array, way: Array) -> tuple[Array, Array]:
+    """Displacement and polarization as recorded, of a run that began by way of others [C/m^2, shape (k,)]."""
+    rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+    out = _stepped(behind, [turned(link, rest, way) for link in behind], signals.replace(polarization=polarization))
     return out.displacement, out.polarization
 
 
 def _carried(
-    behind: Sequence[Link], signals: Signals, polarization: Array, columns: Columns
+    behind: Sequence[Link], signals: Signals, polarization: Array, columns: Columns, came: tuple[Array, Columns]
 ) -> tuple[Columns, Columns]:
-    """A tangent of the ceramic, carried to the outputs [each shape (n, p)]."""
+    """A tangent of the ceramic and of the way it came, carried to the outputs [each shape (n, p)]."""
     signals, change = signals.replace(polarization=polarization), Change(columns)
     rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
     for link in behind:
-        change = link.carry(signals, change)
-        _, signals = link.step(link.init(rest), signals)
+        turns = link.follows_turns and came[0].size
+        change = _carried_by(link, signals, change, *came) if turns else link.carry(signals, change)
+        _, signals = link.step(turned(link, rest, came[0]), signals)
     return change.displacement, change.polarization
+
+
+def _carried_by(link: Link, signals: Signals, change: Change, way: Array, turns: Columns) -> Change:
+    """`Link.carry` by way of other polarizations [C/m^2, shape (k,)], which change as well [shape (k, p)]."""
+    before, by_way = vars(by_way_of(way)), {"polarization": turns}
+    longer = {name: _after(before[name], values, way.size) for name, values in vars(signals).items()}
+    added = {name: _after(by_way.get(name, ABSENT), columns, way.size) for name, columns in vars(change).items()}
+    carried = link.carry(Signals(**longer), Change(**added))
+    return Change(**{name: columns[way.size :] if columns.size else columns for name, columns in vars(carried).items()})
+
+
+def _after(first: Columns, values: Columns, rows: int) -> Columns:
+    """Values after so many others, or after zeros where there are none; as they are where they are absent."""
+    if not values.size:
+        return values
+    return np.concatenate((first if first.size else np.zeros((rows, *values.shape[1:]), dtype=values.dtype), values))
 
 
 Progress = Callable[[str], None]

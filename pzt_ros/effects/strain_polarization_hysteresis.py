@@ -27,6 +27,7 @@ class StrainPolarizationHysteresis(Link):
 
     kind: ClassVar[str] = "strain_polarization_hysteresis"
     section: ClassVar[str] = ACTUATOR
+    follows_turns: ClassVar[bool] = True
 
     polarization_lead: float = parameter(
         0.0, "C/m^2", "polarization by which strain is ahead", symbol="delta", bounds=(0.0, 1.0)

@@ -35,6 +35,8 @@ class Link(ABC):
     section: ClassVar[str]
     remembers: ClassVar[bool] = False
     """Whether what was before its first sample shows in it for seconds."""
+    follows_turns: ClassVar[bool] = False
+    """Whether which way the polarization came to its first sample shows in it until that turns."""
 
     def noiseless(self) -> Link:
         """The same link without what no model can know: noise, least steps. Links that have such override this."""

@@ -31,6 +31,7 @@ class StrainHysteresis(Link):
 
     kind: ClassVar[str] = "strain_hysteresis"
     section: ClassVar[str] = ACTUATOR
+    follows_turns: ClassVar[bool] = True
 
     coefficient: float = parameter(0.02293, "m^4/C^2", "strain over P^2", symbol="zeta", bounds=(1e-6, 1e3))
     active_length: float = parameter(8e-3, "m", "layers times their thickness", bounds=(1e-6, 1.0))

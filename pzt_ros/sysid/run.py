@@ -166,11 +166,11 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
 def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
     """The states at the first sample, one a link: amplifier and ceramic with the history, all others at rest.
 
-    A history is reversals of the voltage as it was recorded, which only the amplifier takes to the ceramic: what
-    effects made of a command that nobody knows it does not say.
+    Those that follow turns have gone there with the ceramic. A history is reversals of the voltage as it was recorded,
+    which only the amplifier takes to the ceramic: what effects made of a command that nobody knows it does not say.
     """
     at_first = Rest(time=float(record.time[0]), voltage=float(record.voltage[0]))
-    states, gain = [], 1.0
+    states, gain, way = [], 1.0, np.empty(0)
     for link in links:
         if isinstance(link, Amplifier):
             rest, before = prepared_drive(record, start, gain)
@@ -180,9 +180,27 @@ def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
             at_first = replace(at_first, voltage=link.gain * at_first.voltage)
         elif isinstance(link, Ferroelectric):
             states.append(begun_ceramic(link, record, start, gain))
+            way = way_of(link, record, start, gain) if any(each.follows_turns for each in links) else way
         else:
-            states.append(link.init(at_first))
+            states.append(turned(link, at_first, way))
     return tuple(states)
+
+
+def turned(link: Link, rest: Rest, way: Array) -> State:
+    """The state of a link before its first sample, to which the polarization went by way of others [C/m^2, (k,)]."""
+    state = link.init(rest)
+    return link.step(state, by_way_of(way))[0] if link.follows_turns and way.size else state
+
+
+def by_way_of(way: Array) -> Signals:
+    """Polarizations [C/m^2, shape (k,)] without a time, for links that know none."""
+    return Signals(time=np.zeros(way.size), voltage=np.zeros(way.size), polarization=way)
+
+
+def way_of(link: Ferroelectric, record: Record, start: Start, gain: float) -> Array:
+    """Polarization at the reversals before the first sample [C/m^2, shape (k,)]; none where no history is known."""
+    rest, before = prepared_drive(record, start, gain)
+    return link.step(link.init(rest), before)[1].polarization if before.time.size else np.empty(0)
 
 
 def begun_ceramic(link: Ferroelectric, record: Record, start: Start, gain: float) -> State:

@@ -27,6 +27,7 @@ from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
+from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
@@ -37,7 +38,7 @@ from pzt_ros.records import Record, read_csv
 from pzt_ros.sysid import predict as predict_module
 from pzt_ros.sysid.fit import Fit
 from pzt_ros.sysid.predict import predict
-from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms
+from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms, typical_leg
 from pzt_ros.sysid.run_in import running_in
 from pzt_ros.sysid.start import (
     _corrected,
@@ -46,6 +47,7 @@ from pzt_ros.sysid.start import (
     _misfit_of,
     _refined,
     counted_part,
+    misfit_at,
     settle,
     telling_part,
     voltage_bounds,
@@ -321,6 +323,46 @@ def test_a_relaxation_that_began_before_the_record_is_found() -> None:
     link = found.staged.chain_at(found.vector).links[-1]
     assert isinstance(link, SlowRelaxation)
     assert link.share == pytest.approx(RELAXING.share, rel=0.2)
+
+
+AHEAD = dataclasses.replace(
+    TRUTH, links=(TRUE_LINK, StrainPolarizationHysteresis(polarization_lead=3.5e-3, turn_width=0.04), STRAIN)
+)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "shown"),
+    [((150.0, 20.0, 130.0, 80.0), MINOR), ((150.0, -10.0), MINOR[::-1]), ((150.0, 0.0, 140.0, 20.0, 100.0), MINOR)],
+)
+def test_what_follows_the_turns_of_the_polarization_has_its_past(
+    hidden: Sequence[float], shown: Sequence[float]
+) -> None:
+    """It began as if the polarization had never turned: 1.2, 1.9 and 4.4 x the noise with the true reversals given."""
+    record = begun_inside(AHEAD, hidden, shown, 1)
+    part = counted_part(record, Span(), 10_000)
+    start = with_offset(AHEAD, part, Start(hidden[:-1], typical_leg(record)))
+    assert rms(misfit_at(AHEAD, part, start)) < 1.08 * NOISE
+    found = predict(AHEAD, record)
+    assert found.rms < 1.1 * found.noise
+
+
+def test_a_diagnosis_begins_turns_as_a_prediction_does() -> None:
+    """Outputs and slopes of both, from a history of two reversals."""
+    start = Start((150.0, 20.0), 1.0)
+    link = StrainPolarizationHysteresis(polarization_lead=3.5e-3, turn_width=0.04)
+    chain = Chain("model", (MODEL_LINK, link, STRAIN))
+    ceramic = DeclaredHysteresis(MODEL_LINK, MODEL_LINK, [coordinate(MODEL_LINK, "coercive_field")], [INSIDE], [start])
+    run = RunData(INSIDE, {FIT: np.arange(len(INSIDE))}, NOISE)
+    staged = Staged(chain, ceramic, [run], (coordinate(link, "polarization_lead"),))
+    displacement, _ = staged.outputs(staged.start, [0])[0]
+    there = free_run(chain, INSIDE, start, np.arange(len(INSIDE)), len(INSIDE)).displacement
+    np.testing.assert_allclose(displacement, there, atol=1e-15)
+    _, (jacobian,) = staged.linearise(staged.start)
+    for place in range(staged.start.size):
+        up, down = staged.start.copy(), staged.start.copy()
+        up[place], down[place] = up[place] + 1e-3, down[place] - 1e-3
+        slope = (staged.residuals(up)[0] - staged.residuals(down)[0]) / 2e-3
+        assert rms(jacobian[:, place] - slope) < 0.05 * rms(slope)
 
 
 RELAXED = dataclasses.replace(TRUTH, links=(*TRUTH.links, RELAXING))
