@@ -36,7 +36,7 @@ from pzt_ros.diagnosis.remarks import LAW, SPARSE, WORSE, of_readings, of_sample
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
-from pzt_ros.diagnosis.undeclared import fit_base
+from pzt_ros.diagnosis.undeclared import fit_base, has_powers
 from pzt_ros.diagnosis.wandering import less_wandering, size_of, wanders
 from pzt_ros.effects.table import EFFECT_OF, reported
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thread, threads
@@ -81,6 +81,7 @@ def diagnose(
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         declared = fit_base(chain, runs, asked, progress, pool)
+        asked = asked.on_free_law() if chain is None and has_powers(declared.staged.chain) else asked
         branches = branches_of(declared, asked, progress, pool)
         chosen = chosen_of(branches, asked)
         progress("predicting")

@@ -137,7 +137,10 @@ class Thresholds:
         return replace(self, law_tie=self.undeclared_law_tie)
 
     def on_free_law(self) -> Thresholds:
-        """What is asked beside a strain law with more powers than were declared: a sensor's curve may be one more."""
+        """What is asked beside a strain law with more powers than were declared: a sensor's curve may be one more.
+
+        Beside such a law and a density of 10 x the noise from the right one, a curve was named that was not there.
+        """
         return replace(self, law_tie=self.flexible_law_tie)
 
     def on_flexible(self) -> Thresholds:

@@ -130,6 +130,11 @@ def _with_another_law(chain: Chain, found: Hypothesis, asked: Thresholds) -> tup
     return chain, found
 
 
+def has_powers(chain: Chain) -> bool:
+    """Whether the strain of a default chain goes with other powers of P than its square, free to follow the runs."""
+    return f"{StrainLaw.kind}.linear" in chain.notes.get("free", [])
+
+
 def _quadratic(law: Link) -> float:
     """The coefficient of P^2 of the law that a default chain ends with [m^5/C^2]."""
     assert isinstance(law, Electrostriction | StrainLaw)

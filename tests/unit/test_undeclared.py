@@ -18,7 +18,7 @@ from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.undeclared import _with_another_law, default_chain, fit_undeclared
+from pzt_ros.diagnosis.undeclared import _with_another_law, default_chain, fit_undeclared, has_powers
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.effects.mains_hum import MainsHum
 from pzt_ros.parallel import IN_THIS_PROCESS
@@ -114,6 +114,7 @@ def test_a_strain_that_does_not_go_with_the_square_gets_a_law_that_does_not(law:
     assert square.fit.ratio > Thresholds().reachable
     _, found = _with_another_law(chain, square, Thresholds())
     assert found.excess < 0.02 * square.excess
+    assert [has_powers(each.staged.chain) for each in (square, found)] == [False, True]
     assert any(isinstance(link, StrainLaw) for link in found.staged.chain.links)
 
 
