@@ -131,7 +131,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         others = _on_elements(declared, asked, progress, workers)
     if not any(other.explains(asked) for other in others):
         others += _on_relays(declared, asked, progress, workers)
-    if any(other.explains(asked) or search.is_outdone(steps, other.base) for other in others):
+    if any(other.explains(asked) or _outdoes(other, steps, search) for other in others):
         return [branch, *others]
     steps = search.continued([step for step in steps if step.accepted] or steps, declared)
     if others[-1].steps:
@@ -232,7 +232,24 @@ def _foretold(flexible: Hypothesis, search: Search) -> Branch | None:
 
 
 def _on_density(base: Hypothesis, search: Search) -> Branch:
-    return Branch("identified", base, tuple(search.with_pair(search.run(base), base)))
+    """The search on a density; two effects at once are not sought beside one that explains nearly all.
+
+    What is left then is what the density is off by, or the shape of the effect: beside a fatigue of 10 x a drift and a
+    bias field were named.
+    """
+    steps = search.run(base)
+    is_told = _tells_nearly_all(base, steps[-1].after, search)
+    return Branch("identified", base, tuple(steps if is_told else search.with_pair(steps, base)))
+
+
+def _tells_nearly_all(base: Hypothesis, found: Hypothesis, search: Search) -> bool:
+    return share_of(base, found) > search.thresholds.whole
+
+
+def _outdoes(other: Branch, steps: Sequence[Step], search: Search) -> bool:
+    """Whether another base leaves far less than a search did, without an effect or with one that tells nearly all."""
+    told = bool(other.final.effects) and _tells_nearly_all(other.base, other.final, search)
+    return search.is_outdone(steps, other.final if told else other.base)
 
 
 def _on_all_seen(flexible: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:

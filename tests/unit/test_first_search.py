@@ -238,6 +238,20 @@ def test_a_density_that_bent_for_an_effect_shows_it_where_it_was_not_fitted(
     assert branch is None or (branch.base is flexible and branch.density == "identified")
 
 
+@pytest.mark.parametrize(("left", "pairs"), [(1.6, 0), (6.0, 1)])
+def test_two_more_are_not_sought_beside_one_that_explains_nearly_all_on_a_density(
+    monkeypatch: pytest.MonkeyPatch, left: float, pairs: int
+) -> None:
+    """A court case: a fatigue of 10 x, 97 % of the excess, with a drift and a bias field that were not there."""
+    found, asked = leaving(left, left, effects=("polarization_fatigue",)), []
+    step = Step(leaving(10.0, 10.0), (), {}, (SimpleNamespace(after=found, name="polarization_fatigue"),), (), "")
+    monkeypatch.setattr(Search, "run", lambda self, base: [step])
+    monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: asked.append(base) or steps)
+    branch = branches._on_density(step.before, Search())
+    assert branch.final is found
+    assert len(asked) == pairs
+
+
 @pytest.mark.parametrize(
     ("density", "fit", "part", "is_so"),
     [
