@@ -135,19 +135,25 @@ class Profile:
 
     def _rise(self, place: int, value: float, known: Array, power: float) -> tuple[float, Array]:
         """Root of the rise of the misfit over the noise power, and the vector, with one coordinate held at a value."""
+        along = self._inverse[place] / self._inverse[place, place]
+        rise, vector = self._held(place, value, known + (value - known[place]) * along, power)
+        if rise > QUANTILE**2:  # what hardly counts may have been led into another valley
+            other, there = self._held(place, value, known, power)
+            rise, vector = (other, there) if other < rise else (rise, vector)
+        if rise < -_BETTER:
+            raise BetterFitError(vector)
+        return math.sqrt(max(rise, 0.0)), vector if math.isfinite(rise) else known
+
+    def _held(self, place: int, value: float, start: Array, power: float) -> tuple[float, Array]:
+        """Rise of the misfit over the noise power refitted from a start with one coordinate held, and the vector."""
         low, high = (bound.copy() for bound in self.bounds)
         low[place] = high[place] = value
-        along = self._inverse[place] / self._inverse[place, place]
-        start = known + (value - known[place]) * along
         tolerance = 2.0 * _EXACT * power / max(self.best.cost, power)
         try:
             found = solve(self.problem, start, low, high, most_steps=_STEPS, tolerance=tolerance, prior=self.prior)
         except BenchError:  # a link refuses the value: no further
-            return math.inf, known
-        rise = (found.cost - self.best.cost) / power
-        if rise < -_BETTER:
-            raise BetterFitError(found.vector)
-        return math.sqrt(max(rise, 0.0)), found.vector
+            return math.inf, start
+        return (found.cost - self.best.cost) / power, found.vector
 
 
 def _next(inner: tuple[float, float], outer: tuple[float, float]) -> float:
