@@ -174,8 +174,8 @@ def settle(
 def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
     """A history where all counted samples like it best beside what dies out, and the offset with it.
 
-    A search stops sooner, for a fit that moves everything follows it. In a prediction nothing does: of a run that
-    began inside minor loops 3.3 x the noise was left, and 1.4 x so.
+    A search stops sooner, for a fit that moves everything follows it. In a prediction nothing does, and what the past
+    is off by stays all along a run inside minor loops.
     """
     if not start.prior_voltages:
         return with_offset(chain, part, start)
