@@ -19,7 +19,7 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
-from pzt_ros.sysid.run import Start, begun_ceramic, way_of
+from pzt_ros.sysid.run import Start, begun_ceramic
 from pzt_ros.sysid.start import prior_shares, share_bounds, with_shares
 
 _STEP = 1e-3
@@ -234,7 +234,7 @@ class DeclaredHysteresis:
     def way_of(self, vector: Array, number: int) -> Array:
         """P at the reversals before a run [C/m^2, shape (k,)], by what is moved in place of the model."""
         start = self.start_of(vector, number)
-        return way_of(self._near(vector, number), self.records[number], start, self.gain)
+        return begun_ceramic(self._near(vector, number), self.records[number], start, self.gain)[1]
 
     def places_of(self, number: int) -> list[int]:
         """The prior reversals of a run belong to it alone."""
@@ -268,7 +268,7 @@ class DeclaredHysteresis:
 
     def _run(self, link: Ferroelectric, vector: Array, number: int, voltage: Array) -> Array:
         record = self.records[number]
-        state = begun_ceramic(link, record, self.start_of(vector, number), self.gain)
+        state, _ = begun_ceramic(link, record, self.start_of(vector, number), self.gain)
         _, out = link.step(state, Signals(time=record.time, voltage=voltage))
         return out.polarization
 

@@ -240,7 +240,7 @@ class Staged:
         """How that changes with the ceramic's unknowns, by differences [shape (k, p)]."""
         columns = np.zeros((way.size, self._own))
         others = {place for run in range(len(self.runs)) if run != number for place in self.ceramic.places_of(run)}
-        for k in set(range(self._own)) - others if way.size else ():
+        for k in (place for place in range(self._own) if way.size and place not in others):
             moved = vector[: self._own].copy()
             moved[k] += _WAY_STEP if vector[k] + _WAY_STEP <= self.ceramic.upper[k] else -_WAY_STEP
             with suppress(BenchError):  # the link refuses this combination of values: taken as one that changes nothing

@@ -36,7 +36,7 @@ def coordinates_of(law: StrainLaw) -> tuple[Coordinate, Coordinate, Coordinate]:
 def with_free_law(found: Hypothesis) -> Hypothesis | None:
     """The hypothesis refitted with a strain law up to the third power; None where it has one, or no law at all."""
     staged = found.staged
-    law = next((law for law in map(_as_powers, staged.chain_at(found.vector).links) if law is not None), None)
+    law = next((law for law in map(as_powers, staged.chain_at(found.vector).links) if law is not None), None)
     if law is None:
         return None
     powers = coordinates_of(law)
@@ -52,13 +52,13 @@ def with_free_law(found: Hypothesis) -> Hypothesis | None:
     start = (found.vector[:own], [each.scaled(each.start) for each in powers], found.vector[own:][others])
     freed = dataclasses.replace(
         staged,
-        chain=staged.chain.with_links(lambda link: link if _as_powers(link) is None else law),
+        chain=staged.chain.with_links(lambda link: link if as_powers(link) is None else law),
         coordinates=(*powers, *(staged.coordinates[place] for place in others)),
     )
     return exact(fitted(freed, np.concatenate(start), found.effects, _STEPS))
 
 
-def _as_powers(link: Link) -> StrainLaw | None:
+def as_powers(link: Link) -> StrainLaw | None:
     """A link as a strain law with coefficients of powers of P; None where it is none."""
     if isinstance(link, Electrostriction):
         return StrainLaw(quadratic=link.coefficient * link.active_length)

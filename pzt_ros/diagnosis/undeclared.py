@@ -20,6 +20,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.diagnosis.strain_laws import as_powers
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.ferroelectric import Ferroelectric
@@ -117,9 +118,10 @@ def _with_another_law(chain: Chain, found: Hypothesis, asked: Thresholds) -> tup
     No effect leaves so much beside the right law, and beside the square a density bends in vain for another: 90 x the
     noise, 9 with the linear term.
     """
-    quadratic = _quadratic(chain.links[-1])
+    square = as_powers(chain.links[-1])
+    assert square is not None  # a default chain ends with its law
     ceramic = [each.name for each in free_parameters(chain) if each.place != len(chain.links) - 1]
-    laws = [StrainLaw(linear=a * _POLARIZATION * quadratic, quadratic=b * quadratic) for a, b in _LAWS]
+    laws = [StrainLaw(linear=a * _POLARIZATION * square.quadratic, quadratic=b * square.quadratic) for a, b in _LAWS]
     for powers in _POWERS:
         notes = {**chain.notes, "free": [*ceramic, *(f"{StrainLaw.kind}.{power}" for power in powers)]}
         chains = [replace(chain, links=(*chain.links[:-1], law), notes=notes) for law in laws]
@@ -133,12 +135,6 @@ def _with_another_law(chain: Chain, found: Hypothesis, asked: Thresholds) -> tup
 def has_powers(chain: Chain) -> bool:
     """Whether the strain of a default chain goes with other powers of P than its square, free to follow the runs."""
     return f"{StrainLaw.kind}.linear" in chain.notes.get("free", [])
-
-
-def _quadratic(law: Link) -> float:
-    """The coefficient of P^2 of the law that a default chain ends with [m^5/C^2]."""
-    assert isinstance(law, Electrostriction | StrainLaw)
-    return law.coefficient * law.active_length if isinstance(law, Electrostriction) else law.quadratic
 
 
 def _falls(runs: Sequence[RunData]) -> bool:

@@ -9,18 +9,27 @@ import numpy as np
 
 from pzt_ros.physics.signals import Array
 
-_TIMES = 0.1 * 4.0 ** np.arange(5)  # s, to 26
+_TIMES = 0.1 * np.power(4.0, np.arange(5.0))  # s, to 26
 
 
 def fading_curves(time: Array, longest: float = math.inf) -> Array:
     """What dies out from the first of some times on [s, shape (n,)], in `longest` [s] at most [1, shape (n, k)]."""
-    times = _TIMES[longest >= _TIMES]
-    curves: Array = np.exp(-(time - time[0])[:, np.newaxis] / times)
-    return curves
+    return _curves(time - time[0], _TIMES[longest >= _TIMES])
 
 
 def fading_course(time: Array, begin: float, sizes: Sequence[float]) -> Array:
     """What is left at some times [s, shape (n,)] of curves of some sizes at the begin of a run [s; m] [m, (n,)]."""
-    times = _TIMES[: len(sizes)]
-    course: Array = np.exp(-(time - begin)[:, np.newaxis] / times) @ np.asarray(sizes)
+    course: Array = _curves(time - begin, _TIMES[: len(sizes)]) @ np.asarray(sizes)
     return course
+
+
+def beyond_reading(left: Array, curves: Array) -> Array:
+    """What is left [m, shape (n,)] when an offset and curves [shape (n, k)] are taken out of it."""
+    basis = np.linalg.qr(curves - curves.mean(axis=0))[0]
+    centred = left - left.mean()
+    return centred - basis @ (basis.T @ centred)
+
+
+def _curves(since: Array, times: Array) -> Array:
+    curves: Array = np.exp(-since[:, np.newaxis] / times)
+    return curves

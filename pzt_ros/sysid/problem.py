@@ -12,6 +12,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.fading import beyond_reading
 from pzt_ros.sysid.parameters import FreeParameter, with_values
 from pzt_ros.sysid.run import Start, free_run, rms
 from pzt_ros.sysid.start import CountedPart, dying_out, prior_shares, share_bounds, with_shares
@@ -137,11 +138,7 @@ def _valued(chain: Chain, free: Sequence[FreeParameter], vector: Array) -> Chain
 def _misfit(chain: Chain, free: Sequence[FreeParameter], vector: Array, part: CountedPart, start: Start) -> Array:
     """Measurement minus model of one run, its mean and what dies out taken out [m, shape (n,)]."""
     model = free_run(_valued(chain, free, vector), part.record, start.without_reading, part.picks, part.end)
-    difference = part.displacement - model.displacement
-    centred: Array = difference - difference.mean()
-    fading = dying_out(chain, part)
-    basis = np.linalg.qr(fading - fading.mean(axis=0))[0]
-    return centred - basis @ (basis.T @ centred)
+    return beyond_reading(part.displacement - model.displacement, dying_out(chain, part))
 
 
 def _misfit_or_none(

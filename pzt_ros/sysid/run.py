@@ -179,8 +179,8 @@ def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
             gain *= link.gain
             at_first = replace(at_first, voltage=link.gain * at_first.voltage)
         elif isinstance(link, Ferroelectric):
-            states.append(begun_ceramic(link, record, start, gain))
-            way = way_of(link, record, start, gain) if any(each.follows_turns for each in links) else way
+            state, way = begun_ceramic(link, record, start, gain)
+            states.append(state)
         else:
             states.append(turned(link, at_first, way))
     return tuple(states)
@@ -197,15 +197,18 @@ def by_way_of(way: Array) -> Signals:
     return Signals(time=np.zeros(way.size), voltage=np.zeros(way.size), polarization=way)
 
 
-def way_of(link: Ferroelectric, record: Record, start: Start, gain: float) -> Array:
-    """Polarization at the reversals before the first sample [C/m^2, shape (k,)]; none where no history is known."""
+def begun_ceramic(link: Ferroelectric, record: Record, start: Start, gain: float) -> tuple[State, Array]:
+    """The state of the ceramic at the first sample, behind an amplifier with a gain [-].
+
+    Returns:
+        And the polarization at the reversals before [C/m^2, shape (k,)]; none where no history is known.
+    """
     rest, before = prepared_drive(record, start, gain)
-    return link.step(link.init(rest), before)[1].polarization if before.time.size else np.empty(0)
-
-
-def begun_ceramic(link: Ferroelectric, record: Record, start: Start, gain: float) -> State:
-    """The state of the ceramic at the first sample, behind an amplifier with a gain [-]."""
-    return _after(link, *prepared_drive(record, start, gain))
+    state = link.init(rest)
+    if not before.time.size:
+        return state, np.empty(0)
+    state, out = link.step(state, before)
+    return state, out.polarization
 
 
 def amplifier_gain(chain: Chain) -> float:
