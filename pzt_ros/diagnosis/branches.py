@@ -193,8 +193,8 @@ def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, wo
 def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """The identified densities that are worth it, with the search on each that leaves something.
 
-    Relays that know no rate need no lattice beside them where they explain all. Where they leave hardly more than a
-    lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
+    Relays that know no rate need no lattice beside them where they explain all, or nearly all of what is missing. Where
+    they leave hardly more than a lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
     """
     search = Search(asked.on_flexible(), progress=progress, workers=workers)
     rateless = fit_rate_independent(declared, progress)
@@ -205,7 +205,7 @@ def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     found: list[Branch] = []
     if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
         found = [_on_density(rateless, search)]
-        if found[0].explains(asked):
+        if found[0].explains(asked) or _is_told(found[0], search):
             return found
     lattice = dataclasses.replace(search, thresholds=asked.on_lattice())
     foretold = _foretold(flexible, lattice) if is_clean and not search.at_floor(flexible) else None
@@ -237,19 +237,20 @@ def _on_density(base: Hypothesis, search: Search) -> Branch:
     What is left then is what the density is off by, or the shape of the effect: beside a fatigue of 10 x a drift and a
     bias field were named.
     """
-    steps = search.run(base)
-    is_told = _tells_nearly_all(base, steps[-1].after, search)
-    return Branch("identified", base, tuple(steps if is_told else search.with_pair(steps, base)))
+    branch = Branch("identified", base, tuple(search.run(base)))
+    if _is_told(branch, search):
+        return branch
+    return dataclasses.replace(branch, steps=tuple(search.with_pair(branch.steps, base)))
 
 
-def _tells_nearly_all(base: Hypothesis, found: Hypothesis, search: Search) -> bool:
-    return share_of(base, found) > search.thresholds.whole
+def _is_told(branch: Branch, search: Search) -> bool:
+    """Whether its effects tell nearly all that its base leaves."""
+    return bool(branch.final.effects) and share_of(branch.base, branch.final) > search.thresholds.whole
 
 
 def _outdoes(other: Branch, steps: Sequence[Step], search: Search) -> bool:
     """Whether another base leaves far less than a search did, without an effect or with one that tells nearly all."""
-    told = bool(other.final.effects) and _tells_nearly_all(other.base, other.final, search)
-    return search.is_outdone(steps, other.final if told else other.base)
+    return search.is_outdone(steps, other.final if _is_told(other, search) else other.base)
 
 
 def _on_all_seen(flexible: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:

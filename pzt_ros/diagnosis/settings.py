@@ -63,7 +63,7 @@ class Thresholds:
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
             that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
         refits: candidates that are refitted at most.
-        most_effects: that are added at most.
+        most_effects, unchecked_effects: that are added at most; the same where nothing is left that chooses.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
         flexible_hopeless: as `hopeless`: that base is all but linear, so a screen is to be believed.
         flexible_told_apart: as `told_apart`, where that is asked.
@@ -119,6 +119,7 @@ class Thresholds:
     flexible_law_tie: float = 2.5
     refits: int = 4
     most_effects: int = 4
+    unchecked_effects: int = 2
     flexible_share: float = 0.6
     flexible_size: float = 0.4
     informed_share: float = math.inf
@@ -169,6 +170,7 @@ class Thresholds:
             decisive=math.inf,
             overwhelming=math.inf,
             told_apart=self.flexible_told_apart,
+            most_effects=self.unchecked_effects,
         )
 
     def on_elements(self) -> Thresholds:
