@@ -101,7 +101,10 @@ class Judge:
         return confounded and bool(EFFECT_OF[winner.name].per_run) and other.fit_gain > self.thresholds.fit_gain
 
     def is_as_good(self, winner: Candidate, other: Candidate) -> bool:
-        """Whether another explains so nearly as much that these runs do not decide between the two."""
+        """Whether another explains so nearly as much that these runs do not decide between the two.
+
+        What a winner leaves is the most that the base can be off by; so one that leaves many times as much is out.
+        """
         gained = winner.before.total - winner.after.total
         explained = self.at_floor(winner.after) or self.is_far_ahead(winner, other)
         alike = not explained and frozenset((winner.cause, other.cause)) in CONFOUNDED
@@ -117,7 +120,7 @@ class Judge:
             return False
         decided = self._is_decided(winner, other)
         # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
-        return not (decided and self.at_floor(winner.after)) or winner.after.staged.has_past
+        return not (decided and explained) or winner.after.staged.has_past
 
     def _is_decided(self, winner: Candidate, other: Candidate) -> bool:
         """Whether the likelihoods decide, both where it was fitted and where not, or the former beyond all doubt."""

@@ -81,7 +81,7 @@ class Thresholds:
     size: float = 0.1
     selection_size: float = 0.05
     promise: float = 0.003
-    further_promise: float = 0.1
+    further_promise: float = 0.05
     far_promise: float = 0.1
     share: float = 0.5
     half_share: float = 0.2

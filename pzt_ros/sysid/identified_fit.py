@@ -22,10 +22,8 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.gauss_newton import Solution, solve
 from pzt_ros.sysid.identified import IdentifiedHysteresis
 from pzt_ros.sysid.identified_problem import IdentifiedBase, IdentifiedProblem, MeasuredRun, rms_of
-from pzt_ros.sysid.thinning import kept_samples
+from pzt_ros.sysid.thinning import thinned
 
-_STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage: thinned runs
-_FEWEST = 1500  # samples that a thinned run keeps at least, holds too
 _AS_GOOD = 1.02  # error over the least one that still counts as equal: the stronger prior is taken then
 _FEW_STEPS, _MOST_STEPS, _LAST_STEPS, _GAIN = 6, 30, 8, 1e-3
 _HOPELESS = 1.3  # error over the least one from which on stronger priors are not tried
@@ -330,8 +328,7 @@ def _early(counted: Any, share: float) -> Any:
 
 def _thinned(run: MeasuredRun) -> MeasuredRun:
     """The run with fewer samples."""
-    span, duration = float(np.ptp(run.voltage)), float(run.time[-1] - run.time[0])
-    kept = kept_samples(run.time, run.voltage, _STEP * span, duration / _FEWEST, _TOLERANCE * span)
+    kept = thinned(run.time, run.voltage)
     return replace(
         run,
         time=run.time[kept],

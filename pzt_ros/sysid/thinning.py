@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 
 from pzt_ros.physics.signals import Array
 
+_STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage
+_FEWEST = 1500  # samples that are kept at least, holds too
+_STEP_OF_CHANGE, _TOLERANCE_OF_CHANGE = 0.1, 0.02  # of the range of how one drive differs from another
+
 
 @njit(cache=True)
 def _kept(time, voltage, step, gap, tolerance):  # type: ignore[no-untyped-def]
@@ -44,3 +48,23 @@ def kept_samples(time: Array, voltage: Array, step: float, gap: float, tolerance
     """
     kept: Any = _kept(time, voltage, step, gap, tolerance)
     return np.asarray(kept, dtype=np.intp)
+
+
+def thinned(time: Array, voltage: Array) -> NDArray[np.intp]:
+    """The samples that a search is made on [s, V]."""
+    return _thinned(time, voltage, _STEP, _TOLERANCE)
+
+
+def thinned_for_both(time: Array, voltage: Array, other: Array) -> NDArray[np.intp]:
+    """The same, with as many more as it takes to say how another drive differs [s, V, V]."""
+    kept, change = thinned(time, voltage), other - voltage
+    between = np.interp(time, time[kept], change[kept])
+    if np.max(np.abs(between - change)) <= _TOLERANCE_OF_CHANGE * np.ptp(change):
+        return kept
+    return np.union1d(kept, _thinned(time, change, _STEP_OF_CHANGE, _TOLERANCE_OF_CHANGE))
+
+
+def _thinned(time: Array, signal: Array, step: float, tolerance: float) -> NDArray[np.intp]:
+    """With a step and a tolerance in shares of the range."""
+    span, duration = float(np.ptp(signal)), float(time[-1] - time[0])
+    return kept_samples(time, signal, step * span, duration / _FEWEST, tolerance * span)

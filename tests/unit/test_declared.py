@@ -126,14 +126,27 @@ def test_what_takes_the_front_models_place_has_its_slopes() -> None:
     record = Record("busy", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
     ceramic = DeclaredHysteresis(link, link, [coordinate(link, name) for name in names], [record], [Start()])
     ceramic._rough = [True]
-    here = ceramic.polarization(ceramic.start, [voltage])[0]
-    slopes = ceramic._differentiated(ceramic.start, 0, voltage, here)
+    slopes = ceramic._differentiated(ceramic.start, 0, voltage)
     for column, name in enumerate(names):
         higher, lower = ceramic.start.copy(), ceramic.start.copy()
         higher[column], lower[column] = 3e-3, -3e-3
         there, back = (ceramic._run(ceramic.link(v), v, 0, voltage) for v in (higher, lower))
         true = (there - back) / 6e-3
         assert np.linalg.norm(slopes[:, column] - true) < 0.2 * np.linalg.norm(true), name
+
+
+def test_slopes_of_slow_runs_are_found_at_few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = lattice()
+    time = np.arange(0.0, 20.0, 1e-3)
+    voltage = 60.0 - 60.0 * np.cos(0.5 * time) + 20.0 * np.sin(3.0 * time)
+    record = Record("slow", {"time_s": time, "voltage_V": voltage, "displacement_m": voltage})
+    free = [coordinate(link, name) for name in ("coercive_field", "relaxation_time", "interaction_field_spread")]
+    ceramic = DeclaredHysteresis(link, surrogate_of(link), free, [record], [Start()])
+    fewer = ceramic._differentiated(ceramic.start, 0, voltage)
+    monkeypatch.setattr(declared, "thinned", lambda time, voltage: np.arange(time.size))
+    of_all = ceramic._differentiated(ceramic.start, 0, voltage)
+    assert np.all(np.std(fewer - of_all, axis=0) < 0.01 * np.std(of_all, axis=0))
+    assert not np.array_equal(fewer, of_all)
 
 
 def test_a_search_knows_how_the_difference_changed_on_its_way(monkeypatch: pytest.MonkeyPatch) -> None:

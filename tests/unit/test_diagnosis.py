@@ -10,7 +10,7 @@ import copy
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -849,10 +849,31 @@ def test_flexible_ceramic_goes_along_its_tangent() -> None:
     exact, near = ceramic.polarization(moved, voltages), along.polarization(moved, voltages)
     for one, other in zip(exact, near, strict=True):  # linear in the weights, so the same
         np.testing.assert_allclose(other, one, atol=2e-6)
-    late = [np.interp(t - 5e-3, t, v) for t, v in zip(times, voltages, strict=True)]
-    np.testing.assert_allclose(
-        along.polarization(ceramic.start, late)[0], ceramic.polarization(ceramic.start, late)[0], atol=1e-9
-    )
+
+
+@pytest.mark.parametrize("other", [lambda t, v: np.interp(t - 5e-3, t, v), lambda t, v: np.minimum(v, 80.0) - 0.1 * t])
+def test_flexible_ceramic_knows_what_another_voltage_changes_from_few_samples(
+    monkeypatch: pytest.MonkeyPatch, other: Callable[[Array, Array], Array]
+) -> None:
+    time = np.arange(0.0, 20.0, 1e-3)
+    voltage = 60.0 - 60.0 * np.cos(0.5 * time) + 20.0 * np.sin(3.0 * time)
+    ceramic = FlexibleHysteresis([time, time], 1e-4, (-3e5, 1.5e6), unknown_start=[False, False], resolution=6)
+    along = ceramic.exact_at(ceramic.start, [voltage, 0.5 * voltage])
+    there = other(time, voltage)
+    (exact,), (before,) = (ceramic.polarization(ceramic.start, [each, time[:0]]) for each in (there, voltage))
+    seen: list[int] = []
+    run = FlexibleHysteresis._run
+
+    def counted(*given: Any) -> Array:
+        seen.append(given[-1].size)
+        return run(*given)
+
+    monkeypatch.setattr(FlexibleHysteresis, "_run", counted)
+    (found,) = along.polarization(ceramic.start, [there, time[:0]])
+    assert np.std(found - exact) < 0.01 * np.std(exact - before)
+    along.polarization(ceramic.start, [voltage + 1.001 * (there - voltage), time[:0]])
+    assert len(seen) == 3  # how it was before is known where the same samples are kept
+    assert max(seen) < 0.3 * time.size
 
 
 @pytest.mark.parametrize("name", ["slow_relaxation", "sensor_lag", "mains_hum"])
