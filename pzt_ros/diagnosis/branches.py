@@ -110,6 +110,10 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         others = _on_elements(declared, asked, progress, workers)
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [_on_declared(declared, ()), *others]
+    if not blind and declared.fit.ratio > asked.rateless_sooner:
+        rateless = _without_rate(declared, asked, progress, workers)
+        if rateless is not None:
+            return [_on_declared(declared, ()), rateless]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
     better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
@@ -190,6 +194,20 @@ def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, wo
     return [Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))]
 
 
+def _without_rate(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch | None:
+    """The search on relays that know no rate, where they leave little without an effect and tell nearly all with one.
+
+    To identify them takes seconds, and minutes to search for effects on a base that was wrong.
+    """
+    base = fit_rate_independent(declared, progress)
+    if base is None or base.fit.ratio > asked.nameable or base.excess > asked.rateless_outdone * declared.excess:
+        return None
+    search = Search(asked.on_flexible(), progress=progress, workers=workers)
+    branch = Branch("identified", base, ()) if search.at_floor(base) else _on_density(base, search)
+    is_told = branch.explains(asked) or _is_told(branch, search)
+    return branch if is_told and _may_be_named(branch, asked) else None
+
+
 def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """The identified densities that are worth it, with the search on each that leaves something.
 
@@ -215,7 +233,8 @@ def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, work
     if is_clean or seen.explains(asked):
         return [*found, seen]
     alone = _on_density(flexible, lattice)
-    return [*found, seen if seen.final.effects and not alone.final.effects else alone]
+    tells_more = bool(seen.final.effects) and _may_be_named(seen, asked) and not alone.final.effects
+    return [*found, seen if tells_more else alone]  # without a name, how well it fits what it saw says nothing
 
 
 def _foretold(flexible: Hypothesis, search: Search) -> Branch | None:

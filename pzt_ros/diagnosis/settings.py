@@ -44,6 +44,9 @@ class Thresholds:
         outdone: share of the excess that another base may leave at most for the search on this one to end; and that an
             effect may leave of what another leaves for the two not to be taken for one another easily.
         instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared.
+        rateless_sooner, rateless_outdone: rms over noise that a base leaves from which relays without a rate are tried
+            sooner than effects beside it, and what share of its excess those may leave at most. Where nothing was
+            declared nothing speaks for the base: then from the floor on, and they may leave `undeclared_outdone`.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred near the noise.
         tie: share of the winner's gain from which another effect is as good.
@@ -106,6 +109,9 @@ class Thresholds:
     in_sight: float = 3.0
     outdone: float = 0.25
     instead: float = 0.8
+    rateless_sooner: float = 3.0
+    rateless_outdone: float = 0.25
+    undeclared_outdone: float = 1.5
     rateless: float = 3.0
     plainer: float = 1.05
     tie: float = 0.93
@@ -135,7 +141,12 @@ class Thresholds:
 
     def on_undeclared(self) -> Thresholds:
         """What is asked where no chain was declared, and so no strain law."""
-        return replace(self, law_tie=self.undeclared_law_tie)
+        return replace(
+            self,
+            law_tie=self.undeclared_law_tie,
+            rateless_sooner=self.floor,
+            rateless_outdone=self.undeclared_outdone,
+        )
 
     def on_free_law(self) -> Thresholds:
         """What is asked beside a strain law with more powers than were declared: a sensor's curve may be one more.
