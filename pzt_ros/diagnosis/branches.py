@@ -71,12 +71,16 @@ def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     """The first that explains all, or the one with the least misfit.
 
     Where the declared density comes near the noise and leaves hardly more than another, its few unknowns speak for it;
-    against one that explains all, they do so only together with an effect.
+    against one that explains all, they do so only together with an effect. Where none explains all, another has to
+    leave clearly less: its many unknowns predict other runs worse.
     """
     explaining = [branch for branch in branches if branch.explains(asked)]
     declared, best = branches[0], min(explaining[:1] or branches, key=lambda branch: branch.final.over_noise)
     speaks = not explaining or any(step.accepted for step in declared.steps)
-    return declared if speaks and _is_near(declared.final, best.final.over_noise, asked) else best
+    if speaks and _is_near(declared.final, best.final.over_noise, asked):
+        return declared
+    as_good = not explaining and best.final.excess > asked.instead * declared.final.excess
+    return declared if as_good else best
 
 
 def _is_near(found: Hypothesis, other: float, asked: Thresholds) -> bool:

@@ -579,6 +579,13 @@ def test_few_unknowns_are_preferred_near_the_noise(declared_leaves: float, is_ch
     assert (chosen_of(branches, asked) is branches[0]) is is_chosen
 
 
+@pytest.mark.parametrize(("another_leaves", "is_chosen"), [(0.98, True), (0.7, False), (0.002, False)])
+def test_where_none_explains_all_another_has_to_leave_clearly_less(another_leaves: float, is_chosen: bool) -> None:
+    """A court case: a lattice left 3 % less than the declared density, and predicted a run to 30 x the noise."""
+    branches = [Branch("gaussian", leaving(1.0), ()), Branch("identified", leaving(another_leaves), ())]
+    assert (chosen_of(branches, Thresholds()) is branches[0]) is is_chosen
+
+
 @pytest.mark.parametrize(("named", "is_chosen"), [(True, True), (False, False)])
 def test_an_effect_near_the_noise_is_preferred_to_a_density_that_explains_all(named: bool, is_chosen: bool) -> None:
     """A court case: 270 weights took in a strain hysteresis where they were fitted, and score runs were 1.5 x off."""
