@@ -70,17 +70,14 @@ def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, wor
 def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     """The first that explains all, or the one with the least misfit.
 
-    Where the declared density comes near the noise and leaves hardly more than another, its few unknowns speak for it;
-    against one that explains all, they do so only together with an effect. Where none explains all, another has to
-    leave clearly less: its many unknowns predict other runs worse.
+    Where the declared density leaves hardly more than another, its few unknowns speak for it: they predict other runs
+    better. Against one that explains all they do so only near the noise and together with an effect.
     """
     explaining = [branch for branch in branches if branch.explains(asked)]
     declared, best = branches[0], min(explaining[:1] or branches, key=lambda branch: branch.final.over_noise)
-    speaks = not explaining or any(step.accepted for step in declared.steps)
-    if speaks and _is_near(declared.final, best.final.over_noise, asked):
-        return declared
-    as_good = not explaining and best.final.excess > asked.instead * declared.final.excess
-    return declared if as_good else best
+    plainer = declared.final.over_noise <= asked.plainer * best.final.over_noise
+    is_named = any(step.accepted for step in declared.steps) and max(declared.final.ratios) < asked.near_floor
+    return declared if plainer and (is_named or not explaining) else best
 
 
 def _is_near(found: Hypothesis, other: float, asked: Thresholds) -> bool:

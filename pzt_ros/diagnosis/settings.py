@@ -43,13 +43,12 @@ class Thresholds:
         in_sight: rms over noise up to which effects leave so little that the base is taken for right.
         outdone: share of the excess that another base may leave at most for the search on this one to end; and that an
             effect may leave of what another leaves for the two not to be taken for one another easily.
-        instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared,
-            and of what the declared base leaves that another may to be preferred where none explains all.
+        instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared.
         rateless_sooner, rateless_outdone: rms over noise that a base leaves from which relays without a rate are tried
             sooner than effects beside it, and what share of its excess those may leave at most. Where nothing was
             declared nothing speaks for the base: then from the floor on, and they may leave `undeclared_outdone`.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
-        plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred near the noise.
+        plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.
