@@ -311,16 +311,18 @@ def test_a_past_that_the_declared_model_made_up_may_be_left_out(made_up: list[bo
     assert flexible._unknown_starts(declared) == ([driven] if either == driven else [either, driven])
 
 
+def leaving_of(before: float, **left: float) -> list[Candidate]:
+    """Effects beside a base that leaves so many times the noise, and what each leaves, where no past is unknown."""
+    found = [Candidate(name, leaving(before, before), leaving(ratio, ratio)) for name, ratio in left.items()]
+    for each in found:
+        each.after.staged = SimpleNamespace(has_past=False)  # type: ignore[misc, assignment]
+    return found
+
+
 @pytest.mark.parametrize(("left", "rival", "tied"), [(1.15, 2.9, False), (1.3, 1.7, True), (2.5, 2.9, True)])
 def test_easily_taken_for_one_another_but_one_explains_far_more(left: float, rival: float, tied: bool) -> None:
     """A court case: a bandwidth explained 99 % on an identified density, a lag 74 %, and the two were the answer."""
-    before = leaving(5.6, 5.6)
-    bandwidth, lag = (
-        Candidate(name, before, leaving(ratio, ratio))
-        for name, ratio in (("amplifier_bandwidth", left), ("sensor_lag", rival))
-    )
-    for each in (bandwidth, lag):
-        each.after.staged = SimpleNamespace(has_past=False)  # type: ignore[misc, assignment]
+    bandwidth, lag = leaving_of(5.6, amplifier_bandwidth=left, sensor_lag=rival)
     assert Search(Thresholds().on_flexible()).is_as_good(bandwidth, lag) is tied
 
 
@@ -329,13 +331,7 @@ def test_beside_one_that_leaves_far_less_another_does_not_tie_for_what_is_left(
     left: float, rival: float, tied: bool
 ) -> None:
     """A court case: a bias field explained 99.3 % on a density, a drift 91 %, and the two were the answer."""
-    before = leaving(18.0, 18.0)
-    bias, drift = (
-        Candidate(name, before, leaving(ratio, ratio))
-        for name, ratio in (("bias_field", left), ("thermal_drift", rival))
-    )
-    for each in (bias, drift):
-        each.after.staged = SimpleNamespace(has_past=False)  # type: ignore[misc, assignment]
+    bias, drift = leaving_of(18.0, bias_field=left, thermal_drift=rival)
     assert Search(Thresholds().on_all_seen()).is_as_good(bias, drift) is tied
 
 
