@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
@@ -101,9 +102,10 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         origins=lambda: _origins(declared),
         sooner=lambda: with_declared_kinetics(declared),
     )
+    relays = _Relays(declared, Search(asked.on_flexible(), progress=progress, workers=workers))
     blind = search.blind(declared)
     if not search.at_floor(declared) and any(each.takes_all for each in blind):
-        return [_on_declared(declared, ()), *_on_relays(declared, asked, progress, workers)]
+        return [_on_declared(declared, ()), *_on_densities(relays, asked)]
     others: list[Branch] = []
     # elements that slip are tried sooner than effects there; in one hold they take minutes
     elements_first = declared.fit.ratio > (asked.reachable if blind else asked.in_sight)
@@ -111,10 +113,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         others = _on_elements(declared, asked, progress, workers)
         if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
             return [_on_declared(declared, ()), *others]
-    if not blind and declared.fit.ratio > asked.rateless_sooner:
-        rateless = _without_rate(declared, asked, progress, workers)
-        if rateless is not None:
-            return [_on_declared(declared, ()), rateless]
+    if not blind and declared.fit.ratio > asked.rateless_sooner and relays.tell(asked):
+        return [_on_declared(declared, ()), relays.branch]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
     better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
@@ -135,7 +135,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if not elements_first:
         others = _on_elements(declared, asked, progress, workers)
     if not any(other.explains(asked) for other in others):
-        others += _on_relays(declared, asked, progress, workers)
+        others += _on_densities(relays, asked)
     if any(other.explains(asked) or _outdoes(other, steps, search) for other in others):
         return [branch, *others]
     steps = search.continued([step for step in steps if step.accepted] or steps, declared)
@@ -195,35 +195,58 @@ def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, wo
     return [Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))]
 
 
-def _without_rate(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch | None:
-    """The search on relays that know no rate, where they leave little without an effect and tell nearly all with one.
+@dataclass(frozen=True)
+class _Relays:
+    """Relays that know no rate in place of a declared density, identified and searched when they are first asked for.
 
     To identify them takes seconds, and minutes to search for effects on a base that was wrong.
+
+    Attributes:
+        declared: the fitted declared model.
+        search: on a flexible base.
     """
-    base = fit_rate_independent(declared, progress)
-    if base is None or base.fit.ratio > asked.nameable or base.excess > asked.rateless_outdone * declared.excess:
-        return None
-    search = Search(asked.on_flexible(), progress=progress, workers=workers)
-    branch = Branch("identified", base, ()) if search.at_floor(base) else _on_density(base, search)
-    is_told = branch.explains(asked) or _is_told(branch, search)
-    return branch if is_told and _may_be_named(branch, asked) else None
+
+    declared: Hypothesis
+    search: Search
+
+    @cached_property
+    def base(self) -> Hypothesis | None:
+        """Without an effect; None where a run has a past."""
+        return fit_rate_independent(self.declared, self.search.progress)
+
+    @cached_property
+    def branch(self) -> Branch:
+        """The search on it, which has to be there."""
+        assert self.base is not None
+        at_floor = self.search.at_floor(self.base)
+        return Branch("identified", self.base, ()) if at_floor else _on_density(self.base, self.search)
+
+    def tell(self, asked: Thresholds) -> bool:
+        """Whether they leave little without an effect, and tell nearly all with one or without."""
+        base = self.base
+        if base is None or base.fit.ratio > asked.nameable:
+            return False
+        if base.excess > asked.rateless_outdone * self.declared.excess:
+            return False
+        is_told = self.branch.explains(asked) or _is_told(self.branch, self.search)
+        return is_told and _may_be_named(self.branch, asked)
 
 
-def _on_relays(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+def _on_densities(relays: _Relays, asked: Thresholds) -> list[Branch]:
     """The identified densities that are worth it, with the search on each that leaves something.
 
     Relays that know no rate need no lattice beside them where they explain all, or nearly all of what is missing. Where
     they leave hardly more than a lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
     """
-    search = Search(asked.on_flexible(), progress=progress, workers=workers)
-    rateless = fit_rate_independent(declared, progress)
+    declared, search, rateless = relays.declared, relays.search, relays.base
+    progress, workers = search.progress, search.workers
     if rateless is not None and search.at_floor(rateless):
-        return [Branch("identified", rateless, ())]
+        return [relays.branch]
     flexible = fit_flexible(declared, progress)
     is_clean = flexible.fit.ratio <= asked.floor  # hardly anything is left there in which an effect could show itself
     found: list[Branch] = []
     if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
-        found = [_on_density(rateless, search)]
+        found = [relays.branch]
         if found[0].explains(asked) or _is_told(found[0], search):
             return found
     lattice = dataclasses.replace(search, thresholds=asked.on_lattice())

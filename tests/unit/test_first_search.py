@@ -186,7 +186,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(branches, "_on_elements", lambda *_: [])
-    monkeypatch.setattr(branches, "_on_relays", lambda *_: [branches.Branch("identified", leaving(1.0, 1.0), ())])
+    monkeypatch.setattr(branches, "_on_densities", lambda *_: [branches.Branch("identified", leaving(1.0, 1.0), ())])
     first, second = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert len(searched) == (0 if takes_all else 1)
     assert (first.density, second.density) == ("gaussian", "identified")
@@ -218,7 +218,7 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     free = branches.Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
     monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
     monkeypatch.setattr(branches, "_on_elements", other("elements"))
-    monkeypatch.setattr(branches, "_on_relays", other("relays"))
+    monkeypatch.setattr(branches, "_on_densities", other("relays"))
     found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert found[0].final is named
     assert found[0].has_free_law is lawful
@@ -250,9 +250,9 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(base, (), {}, (winner,), (), "")])  # type: ignore[arg-type]
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
     asked = Thresholds() if declares else Thresholds().on_undeclared()
-    found = branches._without_rate(declared, asked, lambda text: None, IN_THIS_PROCESS)
-    assert (found is not None) is named
-    assert found is None or found.final is (base if alone == 1.0 else final)
+    relays = branches._Relays(declared, Search(asked.on_flexible()))
+    assert relays.tell(asked) is named
+    assert not named or relays.branch.final is (base if alone == 1.0 else final)
 
 
 @pytest.mark.parametrize(("left", "effects", "is_so"), [(1.04, 1, True), (1.3, 1, False), (1.04, 0, False)])
