@@ -65,7 +65,7 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
         (reached[0] / thickness, reached[1] / thickness),
         unknown_start=unknown,
         resolution=found.choices[0].resolution,
-        fine_lines=base.fine_lines,
+        fine_lines=base.driven_lines,
     )
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
     known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies

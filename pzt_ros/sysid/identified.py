@@ -28,7 +28,7 @@ LOG_TIME, LOG_WIDTH, LOG_SETTLING, SUSCEPTIBILITY, WEIGHTS = 0, 1, 2, 3, 4
 MARGIN = 0.15  # of the driven range: thermal activation switches thresholds beyond it
 _SCALARS = ("relaxation_time", "thermal_field", "settling_time", "susceptibility")
 _LEAST_SETTLING, _MOST_SETTLING = 0.01, 1e4  # of the sampling time, of the longest run
-_FINE_ENOUGH = 0.55  # distance of the fine lines over d: methods.md 1.3
+_FINE_ENOUGH = 0.35  # distance of the fine lines over d: at 0.55 runs that were not fitted are off by up to the noise
 _COARSEST = 0.8  # distance of the fine lines over d: beyond, the staircase shows (5e-4 at 1)
 STEEPEST = 300.0  # slope of what does not switch, over that of all domains: without a bound it ran to 1e42
 _LEAST_TIME = 1.01e-9  # [s]; the link's own bound
@@ -43,6 +43,7 @@ class IdentifiedHysteresis:
 
     Attributes:
         names: of the coordinates.
+        driven_lines: lines of the fine lattice over what is driven and its margins.
         start: first guess; may be replaced.
         lower, upper: bounds in the fit's coordinates.
         weight_strength: ridge: a weight of its share of an even density counts as this much of the noise's rms.
@@ -77,7 +78,8 @@ class IdentifiedHysteresis:
             occupancy_resolution: the same for an unknown start.
             initial: see IdentifiedLattice.
             total: sum of weights [C/m^2].
-            fine_lines: lines of the fine lattice; bounds the thermal field from below.
+            fine_lines: lines of the fine lattice over what is driven and its margins; a grid that reaches farther has
+                as many more. Bounds the thermal field from below.
             workers: threads.
 
         Raises:
@@ -88,7 +90,7 @@ class IdentifiedHysteresis:
         if len(times) != len(unknown_start) or any(time.size < 2 for time in times):
             raise BenchError("identified lattice: every run needs two samples and a word on its start")
         self.times, self.layer_thickness, self.total = list(times), layer_thickness, total
-        self.unknown_start, self.initial, self.fine_lines = list(unknown_start), initial, fine_lines
+        self.unknown_start, self.initial, self.driven_lines = list(unknown_start), initial, fine_lines
         self.grid = np.concatenate(
             ([low - MARGIN * span], np.linspace(low, high, resolution + 1), [high + MARGIN * span])
         )
@@ -112,7 +114,7 @@ class IdentifiedHysteresis:
         self.names += [f"run {run} occupancy {node}" for run in unknown for node in range(starts)]
         step = float(np.median(np.concatenate([np.diff(time) for time in self.times])))
         longest = max(float(time[-1] - time[0]) for time in self.times)
-        finest = (self.grid[-1] - self.grid[0]) / (self.fine_lines * _COARSEST)
+        finest = self._driven / (self.driven_lines * _COARSEST)
         count, free = len(self.names), starts * len(unknown)
         self.lower, self.upper = np.zeros(count), np.full(count, np.inf)
         self.lower[LOG_TIME], self.upper[LOG_TIME] = math.log(max(1e-7 * step, _LEAST_TIME)), math.log(100.0 * longest)
@@ -131,6 +133,16 @@ class IdentifiedHysteresis:
             ([math.log(step), math.log(0.03 * span), settling, even_slope], self._even, np.full(free, 0.5))
         )
         self.start = np.clip(self.start, self.lower, self.upper)
+
+    @property
+    def fine_lines(self) -> int:
+        """Lines of the fine lattice over the whole grid."""
+        return round(self.driven_lines * (self.grid[-1] - self.grid[0]) / self._driven)
+
+    @property
+    def _driven(self) -> float:
+        """What is driven, with its margins [V/m]."""
+        return (1.0 + 2.0 * MARGIN) * (self.field_range[1] - self.field_range[0])
 
     def for_runs(self, times: Sequence[Array], unknown_start: Sequence[bool]) -> IdentifiedHysteresis:
         """The same lattice, coordinates, bounds and strengths for other runs."""
@@ -172,8 +184,8 @@ class IdentifiedHysteresis:
         )
 
     def finest(self, vector: Array) -> float:
-        """Lines of the fine lattice that the thermal field of a vector asks for."""
-        return float((self.grid[-1] - self.grid[0]) / (_FINE_ENOUGH * math.exp(vector[LOG_WIDTH])))
+        """Lines of the fine lattice, over what is driven, that the thermal field of a vector asks for."""
+        return float(self._driven / (_FINE_ENOUGH * math.exp(vector[LOG_WIDTH])))
 
     def weights(self, vector: Array) -> Array:
         """Polarization of each hat [C/m^2]."""

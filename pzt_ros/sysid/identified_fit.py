@@ -24,7 +24,7 @@ from pzt_ros.sysid.identified import IdentifiedHysteresis
 from pzt_ros.sysid.identified_problem import IdentifiedBase, IdentifiedProblem, MeasuredRun, rms_of
 from pzt_ros.sysid.thinning import thinned
 
-_AS_GOOD = 1.02  # error over the least one that still counts as equal: the stronger prior is taken then
+_AS_GOOD = 1.01  # error over the least one that still counts as equal: the stronger prior is taken then
 _FEW_STEPS, _MOST_STEPS, _LAST_STEPS, _GAIN = 6, 30, 8, 1e-3
 _HOPELESS = 1.3  # error over the least one from which on stronger priors are not tried
 
@@ -106,7 +106,7 @@ class IdentifiedFit:
         lag, drift: whether the measurement may be late, and each run drift.
         initial: of runs whose start is known.
         held_out: share of each run, at its end, that chooses where no other runs do.
-        fine_lines: of the fine lattice during the search, and at most at the end.
+        fine_lines: of the fine lattice over what is driven, during the search and at most at the end.
         voltage_range: that the density has to cover [V]; None: what the runs reach.
         base: what is identified, the lattice or another.
         progress: is told what is being done and the residual over noise.
@@ -121,7 +121,7 @@ class IdentifiedFit:
     drift: bool = False
     initial: str = "virgin"
     held_out: float = 0.25
-    fine_lines: tuple[int, int] = (100, 200)
+    fine_lines: tuple[int, int] = (80, 200)
     voltage_range: tuple[float, float] | None = None
     base: Callable[..., IdentifiedBase] = IdentifiedHysteresis
     progress: Callable[[str, float], None] = lambda what, error: None

@@ -41,7 +41,7 @@ def hysteresis(unknown: bool = True) -> tuple[IdentifiedHysteresis, list[Array],
     (time, voltage), (late, other) = minor_loops(1, 1.0, 500.0), minor_loops(2, 0.6, 700.0)
     late = late + np.cumsum(random.uniform(0.0, 1e-3, late.size))
     base = IdentifiedHysteresis(
-        [time, late], THICKNESS, (-0.5e6, 1.5e6), unknown_start=[False, unknown], resolution=4, fine_lines=90
+        [time, late], THICKNESS, (-0.5e6, 1.5e6), unknown_start=[False, unknown], resolution=4, fine_lines=65
     )
     vector = base.start.copy()
     vector[SUSCEPTIBILITY:] *= random.uniform(0.4, 1.6, vector.size - SUSCEPTIBILITY)
