@@ -150,6 +150,7 @@ EFFECTS: tuple[Effect, ...] = (
             longest_time=(0.05, 0.5, 5.0, 50.0, 500.0, 100.0),
         ),
         free=("share", "shortest_time", "longest_time"),
+        details=("ends", "tilt"),
         absence="displacement that goes on in holds, in the direction it came from, by less and less per second",
         next_experiment="the same hold reached once from below and once from above: creep changes its sign",
     ),

@@ -47,7 +47,8 @@ class IdentifiedHysteresis:
         start: first guess; may be replaced.
         lower, upper: bounds in the fit's coordinates.
         weight_strength: ridge: a weight of its share of an even density counts as this much of the noise's rms.
-        sum_strength: of the sum of weights, which a scale behind it could stand for; in the same unit.
+        sum_strength: of the sum of weights that are switched both ways, which a scale behind it could stand for: held
+            together with those that stay as they are, it let the former shrink, and every prior on them with it.
         smoothness_strength: of second differences of the density, over that of an even one.
         rotation_strength: of differences of the density along constant coercive field; 0: none.
         occupancy_strength: of the distance from 1/2 of an unknown occupancy.
@@ -138,6 +139,13 @@ class IdentifiedHysteresis:
     def fine_lines(self) -> int:
         """Lines of the fine lattice over the whole grid."""
         return round(self.driven_lines * (self.grid[-1] - self.grid[0]) / self._driven)
+
+    @property
+    def _driven_nodes(self) -> Array:
+        """1 for every hat that is switched both ways, 0 for the others [shape (nodes,)]."""
+        low, high = self.field_range
+        within = (self.grid >= low) & (self.grid <= high)
+        return np.array([float(within[up] and within[down]) for up, down in nodes_of(self.grid.size)])
 
     @property
     def _driven(self) -> float:
@@ -303,7 +311,7 @@ class IdentifiedHysteresis:
         kinetics = slice(LOG_TIME, LOG_SETTLING + 1)
         add(self.kinetics_strength * np.eye(3), kinetics, self.start[kinetics])
         add(self.weight_strength * relative, weights, np.zeros(nodes))
-        add(np.full((1, nodes), self.sum_strength / self.total), weights, self._even)
+        add(self.sum_strength / self.total * self._driven_nodes[None, :], weights, self._even)
         for strength, rows in (
             (self.smoothness_strength, _curvatures(self.grid.size)),
             (self.rotation_strength, _rotations(self.grid.size)),
