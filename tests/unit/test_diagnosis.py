@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy import interpolate, optimize
+from scipy import interpolate, optimize, signal
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose
@@ -42,7 +42,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.page import write_page
-from pzt_ros.diagnosis.refinement import off_bounds, refit
+from pzt_ros.diagnosis.refinement import detailed, off_bounds, refit
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Prospect, Screen, _at_bound, _bounded
 from pzt_ros.diagnosis.search import Search
@@ -54,6 +54,7 @@ from pzt_ros.diagnosis.wandering import wandering as wandering_of
 from pzt_ros.effects.insert import effects_in, with_effect
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
+from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.chain import Chain
@@ -139,6 +140,9 @@ def reading(effect: str, time: Array, y: Array, seed: int) -> Array:
         for k in range(1, y.size):
             element[k] = element[k - 1] + (time[k] - time[k - 1]) / 0.4 * (y[k - 1] - y[0] - element[k - 1])
         return y + 0.03 * element
+    if effect == "two_elements":
+        lags = [signal.lsim(([1.0], [tau, 1.0]), y - y[0], time)[1] for tau in (0.08, 1.6)]
+        return y + 0.05 * (lags[0] + lags[1])
     if effect == "sensor_lag":
         return np.interp(time - 3e-3, time, y)
     if effect == "mains_hum":
@@ -994,6 +998,26 @@ def test_a_shape_at_its_bound_is_tried_from_the_middle() -> None:
     inside = held.vector.copy()
     inside[-1] = 0.4
     assert off_bounds(fitted(prospect.staged, inside, ("sensor_lag",), 0)) == []
+
+
+def test_details_are_moved_where_the_runs_show_them() -> None:
+    """Two elements are no even band; of one the band may shrink to a point, and nothing is left to show."""
+    after, details = {}, {}
+    for effect in ("two_elements", "slow_relaxation"):
+        base = hypothesis(effect)
+        link = SlowRelaxation(share=0.05, shortest_time=0.3, longest_time=0.5)
+        prospect = Screen(base)._prospect(EFFECT_OF["slow_relaxation"], link)
+        after[effect] = fitted(prospect.staged, prospect.best_start(), ("slow_relaxation",), 20)
+        details[effect] = detailed(after[effect], Thresholds())
+    assert details["slow_relaxation"] == []
+    (found,) = details["two_elements"]
+    assert found.excess < 0.3 * after["two_elements"].excess
+    chain = found.staged.chain_at(found.vector)
+    (creep,) = [each for each in chain.links if isinstance(each, SlowRelaxation)]
+    assert creep.ends > 0.5
+    assert detailed(found, Thresholds()) == []  # they are moved already
+    lag = found_in_turn(hypothesis("sensor_lag"), "sensor_lag")[0].accepted[0]
+    assert detailed(lag.after, Thresholds()) == []  # it has none
 
 
 def test_coordinates_come_back_to_their_values() -> None:

@@ -78,6 +78,25 @@ def test_creep_follows_a_drive_as_scipy_says() -> None:
     np.testing.assert_allclose(moved(link, time, y), y + 0.2 * np.mean(lags, axis=0), rtol=0, atol=1e-12 * np.ptp(y))
 
 
+@pytest.mark.parametrize(("tilt", "shares"), [(0.0, (0.5, 0.5)), (0.4, (0.3, 0.7)), (-1.0, (1.0, 0.0))])
+def test_creep_that_is_all_at_its_ends_is_that_of_two_elements(tilt: float, shares: tuple[float, float]) -> None:
+    link = SlowRelaxation(share=0.2, shortest_time=0.02, longest_time=0.7, ends=1.0, tilt=tilt)
+    time, y = np.arange(3000) * 1e-3, wandering(3000)
+    late = sum(
+        share * lsim(([1.0], [tau, 1.0]), y, time)[1] for share, tau in zip(shares, (0.02, 0.7), strict=True)
+    )
+    creeping = moved(link, time, y)
+    np.testing.assert_allclose(creeping, y + 0.2 * late, rtol=0, atol=1e-12 * np.ptp(y))
+    np.testing.assert_allclose(undone(link, time, creeping), y, rtol=0, atol=1e-13)
+
+
+def test_creep_that_is_tilted_has_more_of_the_slow_and_as_much_in_all() -> None:
+    even = SlowRelaxation(share=0.1, ends=0.3)
+    tilted = SlowRelaxation(share=0.1, ends=0.3, tilt=0.5)
+    assert tilted.weights.sum() == pytest.approx(even.weights.sum(), rel=1e-14)
+    np.testing.assert_allclose(tilted.weights / even.weights, [0.5, 0.75, 1.0, 1.25, 1.5], rtol=1e-14)
+
+
 def test_creep_at_rest_is_balanced() -> None:
     link = SlowRelaxation(share=0.1)
     np.testing.assert_allclose(moved(link, np.linspace(3.0, 900.0, 50), np.full(50, 4e-6)), 4.4e-6, rtol=1e-14)

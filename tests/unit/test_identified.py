@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.errors import BenchError
+from pzt_ros.physics.identified_hats import nodes_of
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.sysid.identified import LOG_SETTLING, LOG_TIME, LOG_WIDTH, SUSCEPTIBILITY, WEIGHTS, IdentifiedHysteresis
@@ -97,6 +98,38 @@ def test_coordinates_fit_together() -> None:
     even = base.start.copy()
     even[WEIGHTS] *= 2.0
     assert np.sum((rows @ even - targets) ** 2) > np.sum((rows @ base.start - targets) ** 2)
+
+
+def test_what_stays_as_it_is_does_not_count_in_the_sum() -> None:
+    """Else what switches shrank in its favour, by 14 in the court, and every prior on it with it."""
+    base, _, _ = hysteresis()
+    base.weight_strength = base.smoothness_strength = 0.0
+    rows, targets = base.regularisation()
+
+    def cost(vector: Array) -> float:
+        return float(np.sum((rows @ vector - targets) ** 2))
+
+    nodes = nodes_of(base.grid.size)
+    low, high = base.field_range
+    switched = [base.grid[down] >= low and base.grid[up] <= high for up, down in nodes]
+    assert 0 < sum(switched) < len(switched)
+    for place, counts in enumerate(switched):
+        vector = base.start.copy()
+        vector[WEIGHTS + place] *= 3.0
+        assert (cost(vector) > cost(base.start) + 1.0) == counts
+
+
+def test_a_grid_that_reaches_farther_has_more_lines_and_none_that_are_wider_apart() -> None:
+    time = np.arange(10.0)
+    spacings = [
+        np.diff(each.link(each.start).lines)[0]
+        for each in (
+            IdentifiedHysteresis([time], THICKNESS, (-0.2e6, 1.5e6), unknown_start=[unknown], fine_lines=80)
+            for unknown in (True, False)  # the start of one that is not known may be any, that of the other is virgin
+        )
+    ]
+    assert spacings[1] == pytest.approx(spacings[0], rel=0.02)
+    assert spacings[0] == pytest.approx(1.3 * 1.7e6 / 80)
 
 
 def test_no_range_no_lattice() -> None:
