@@ -82,9 +82,7 @@ def test_creep_follows_a_drive_as_scipy_says() -> None:
 def test_creep_that_is_all_at_its_ends_is_that_of_two_elements(tilt: float, shares: tuple[float, float]) -> None:
     link = SlowRelaxation(share=0.2, shortest_time=0.02, longest_time=0.7, ends=1.0, tilt=tilt)
     time, y = np.arange(3000) * 1e-3, wandering(3000)
-    late = sum(
-        share * lsim(([1.0], [tau, 1.0]), y, time)[1] for share, tau in zip(shares, (0.02, 0.7), strict=True)
-    )
+    late = sum(share * lsim(([1.0], [tau, 1.0]), y, time)[1] for share, tau in zip(shares, (0.02, 0.7), strict=True))
     creeping = moved(link, time, y)
     np.testing.assert_allclose(creeping, y + 0.2 * late, rtol=0, atol=1e-12 * np.ptp(y))
     np.testing.assert_allclose(undone(link, time, creeping), y, rtol=0, atol=1e-13)
