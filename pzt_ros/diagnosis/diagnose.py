@@ -17,7 +17,7 @@ from pzt_ros.diagnosis.branches import Branch, branches_of, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import SCORE, RunData, split
-from pzt_ros.diagnosis.final_fit import fitted_to_all
+from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for, taken_up
@@ -163,7 +163,7 @@ class _Reached(NamedTuple):
 def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers) -> _Reached:
     """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go."""
     ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
-    fits = list(workers.map(_last_fit, ends, repeat(chosen.density)))
+    fits = list(workers.map(_last_fit, ends, repeat(chosen.density), repeat(runs)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
@@ -176,11 +176,13 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     return _Reached(nameless, baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
 
-def _last_fit(found: Hypothesis, density: str) -> Hypothesis:
-    """As it is written down, fitted to all that may be seen where that changes it.
+def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData] = ()) -> Hypothesis:
+    """As it is written down, fitted to all that may be seen where that changes it, its density identified anew.
 
     Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
     """
+    if density == "identified" and runs:
+        found = identified_beside_effects(found, runs)
     return fitted_to_all(found) if density == "identified" or found.staged.given else found
 
 

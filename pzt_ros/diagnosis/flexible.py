@@ -40,18 +40,18 @@ RESOLUTIONS, INITIAL = (10, 18), ("virgin", "down", "up")
 
 
 def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
-    """Fit the identified lattice and a strain law in place of the declared ceramic and its strain.
+    """Fit the identified lattice and a strain law in place of a model's ceramic and its strain.
 
     How fine and smooth the density is, and of which order the law, the parts that choose say: between loops of one
     amplitude any density and law will do. So they do whether a run from rest has a past: the declared model may have
     made one up for what it lacks, and a start that is free hides what is missing as well as that.
 
     Args:
-        declared: the fitted declared model; what else is in its chain stays.
+        declared: the fitted model; what else is in its chain stays, and effects are taken to be what it says.
         progress: is told what is being done.
     """
-    progress("identifying the density")
-    runs = declared.staged.runs
+    progress("identifying the density" + (f" beside {', '.join(declared.effects)}" if declared.effects else ""))
+    runs = less_effects(declared)
     thickness, voltages, reached = driven(declared)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     unknown, *others = _unknown_starts(declared)
@@ -80,6 +80,28 @@ def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
     was_driven = [run.begins_driven for run in runs]
     seen = [past or known for past, known in zip(pasts, was_driven, strict=True)]
     return [seen] if seen == was_driven else [seen, was_driven]
+
+
+def less_effects(found: Hypothesis) -> list[RunData]:
+    """The runs with readings less what the effects behind the ceramic add to them, as the model has it."""
+    staged, vector, numbers = found.staged, found.vector, range(len(found.staged.runs))
+    kinds = [link.kind for link in staged.chain.links]
+    ceramic = next(place for place, link in enumerate(staged.chain.links) if isinstance(link, Ferroelectric))
+    behind = [name for name in found.effects if kinds.index(name) > ceramic]
+    if not behind:
+        return list(staged.runs)
+    bare = staged
+    for name in behind:
+        bare, kept = bare.without(name)
+        vector = vector[kept]
+    pairs = zip(staged.outputs(found.vector, numbers), bare.outputs(vector, numbers), strict=True)
+    return [_less(run, y - plain) for run, ((y, _), (plain, _)) in zip(staged.runs, pairs, strict=True)]
+
+
+def _less(run: RunData, added: Array) -> RunData:
+    """A run with so much less displacement [m]."""
+    columns = {**run.record.columns, "displacement_m": run.record.displacement - added}
+    return replace(run, record=replace(run.record, columns=columns))
 
 
 def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
@@ -121,7 +143,7 @@ def _with_law(declared: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult
     linear, quadratic, cubic = (float(coefficient) for coefficient in (*found.law, 0.0)[1:4])
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
     staged, start = beside_the_rest(declared, ceramic, law, found.problem.order)
-    return exact(fitted(staged, start, most_steps=_STEPS))
+    return exact(fitted(staged, start, declared.effects, most_steps=_STEPS))
 
 
 def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:

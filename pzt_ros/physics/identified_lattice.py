@@ -58,7 +58,7 @@ class IdentifiedLattice(Switching):
     susceptibility: float = parameter(1.7e-8, "C/(V*m)", "of what does not switch", symbol="1/E_1", bounds=(0.0, 1e-4))
     polarization_offset: float = parameter(0.0, "C/m^2", "of domains that never switch", bounds=(-10.0, 10.0))
     fine_lines: float = parameter(
-        90.0, "1", "lines of thresholds over the grid; closer than 0.55 thermal_field", bounds=(4.0, 2000.0)
+        90.0, "1", "lines of thresholds over the grid; closer than 0.35 thermal_field", bounds=(4.0, 2000.0)
     )
     settling_time: float = parameter(
         1e-3, "s", "that the voltage had rested where a run begins with a given occupancy", bounds=(1e-12, 1e9)

@@ -20,7 +20,7 @@ import pytest
 from scipy import interpolate, optimize, signal
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import Report, diagnose
+from pzt_ros.diagnosis import Report, diagnose, final_fit
 from pzt_ros.diagnosis import search as search_of_effects
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.branches import Branch, _on_all_seen, _trusted, chosen_of
@@ -34,8 +34,8 @@ from pzt_ros.diagnosis.elimination import (
     law_in_question,
     second_alone,
 )
-from pzt_ros.diagnosis.final_fit import fitted_to_all
-from pzt_ros.diagnosis.flexible import _parts
+from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
+from pzt_ros.diagnosis.flexible import _parts, less_effects
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
@@ -538,6 +538,52 @@ def test_bases_compare_by_what_is_left_of_what_was_seen() -> None:
     seen = fitted_to_all(base)
     assert seen.total < 0.7 * base.total
     assert seen.over_noise == pytest.approx(base.over_noise, rel=0.2)
+
+
+def test_readings_less_effects_are_those_of_the_stage_without_them() -> None:
+    """What stands before the ceramic is in the voltage that a density is identified with, and adds nothing."""
+    found = found_in_turn(hypothesis("slow_relaxation"), "slow_relaxation")[0].accepted[0].after
+    for run, less in zip(found.staged.runs, less_effects(found), strict=True):
+        (bare, _), (creeping, _) = (plant_reading(run.record, effect) for effect in ("none", "slow_relaxation"))
+        added = run.record.displacement - less.record.displacement
+        np.testing.assert_allclose(added - added.mean(), creeping - bare - (creeping - bare).mean(), rtol=0, atol=NOISE)
+        assert np.std(added) > 3.0 * NOISE
+        assert less.picks == run.picks
+    late = found_in_turn(hypothesis("sensor_lag"), "amplifier_bandwidth")[0].accepted[0].after
+    for run, less in zip(late.staged.runs, less_effects(late), strict=True):
+        np.testing.assert_array_equal(less.record.displacement, run.record.displacement)
+
+
+def plant_reading(record: Record, effect: str) -> tuple[Array, Array]:
+    """What the sensor would read without noise, and the time [m, s]."""
+    chain = plant()
+    _, out = chain.step(chain.init(Rest(time=0.0)), Signals(time=record.time, voltage=record.voltage))
+    return reading(effect, record.time, out.displacement, 0), record.time
+
+
+@pytest.mark.parametrize(("left", "is_taken"), [(0.9, True), (1.1, False)])
+def test_density_identified_beside_effects_is_taken_where_it_says_more(
+    monkeypatch: pytest.MonkeyPatch, left: float, is_taken: bool
+) -> None:
+    """It is judged on the parts that chose, also where they were fitted since."""
+    base = hypothesis("slow_relaxation")
+    found = found_in_turn(base, "slow_relaxation")[0].accepted[0].after
+    seen, runs = fitted_to_all(found), found.staged.runs
+    assert identified_beside_effects(seen, runs) is seen  # a declared density is as it was declared
+    monkeypatch.setattr(final_fit, "FlexibleHysteresis", type(found.staged.ceramic))
+    former: list[Hypothesis] = []
+
+    def anew(asked: Hypothesis, progress: object) -> Any:
+        former.append(asked)
+        return SimpleNamespace(total=left * asked.total)
+
+    monkeypatch.setattr(final_fit, "fit_flexible", anew)
+    taken = identified_beside_effects(seen, runs)
+    assert (taken is not seen) == is_taken
+    assert former[0].choosing == found.choosing
+    assert former[0].effects == ("slow_relaxation",)
+    assert identified_beside_effects(base, runs) is base  # it has no effects
+    assert len(former) == 1
 
 
 def found_in_turn(base: Hypothesis, *names: str) -> list[Step]:
