@@ -34,7 +34,6 @@ class SlowRelaxation(Link):
     share: float = parameter(0.0, "1", "late displacement over prompt displacement", bounds=(0.0, 1.0))
     shortest_time: float = parameter(0.1, "s", "fastest time constant of the band", bounds=(1e-5, 1e5))
     longest_time: float = parameter(10.0, "s", "slowest time constant of the band", bounds=(1e-5, 1e5))
-
     ends: float = parameter(0.0, "1", "share that only the fastest and slowest have; even without", bounds=(0.0, 1.0))
     tilt: float = parameter(0.0, "1", "how much more the slowest has than the middle", bounds=(-1.0, 1.0))
 
