@@ -176,13 +176,12 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     return _Reached(nameless, baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
 
-def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData] = ()) -> Hypothesis:
+def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData]) -> Hypothesis:
     """As it is written down, fitted to all that may be seen where that changes it, its density identified anew.
 
     Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
     """
-    if density == "identified" and runs:
-        found = identified_beside_effects(found, runs)
+    found = identified_beside_effects(found, runs)
     return fitted_to_all(found) if density == "identified" or found.staged.given else found
 
 
@@ -213,12 +212,16 @@ def _found(
     found, reached = [], before
     for candidate in added:
         last = candidate.after is chosen.final
-        now = after if last else errors_of(model_of(_last_fit(candidate.after, chosen.density), "step", command), runs)
+        now = after if last else _errors_with(candidate.after, chosen.density, runs, command)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
         place = EFFECT_OF[candidate.cause].place
         found.append(FoundEffect(candidate.cause, place, reached.test, now.test, own, _probability(candidate, chosen)))
         reached = now
     return tuple(found)
+
+
+def _errors_with(found: Hypothesis, density: str, runs: Sequence[RunData], command: str) -> Errors:
+    return errors_of(model_of(_last_fit(found, density, runs), "step", command), runs)
 
 
 def _probability(candidate: Candidate, chosen: Branch) -> float:

@@ -39,7 +39,7 @@ RESOLUTIONS, INITIAL = (10, 18), ("virgin", "down", "up")
 """Resolutions, and states before all runs, that are compared where switching has no rate."""
 
 
-def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
+def fit_flexible(model: Hypothesis, progress: Progress) -> Hypothesis:
     """Fit the identified lattice and a strain law in place of a model's ceramic and its strain.
 
     How fine and smooth the density is, and of which order the law, the parts that choose say: between loops of one
@@ -47,14 +47,15 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     made one up for what it lacks, and a start that is free hides what is missing as well as that.
 
     Args:
-        declared: the fitted model; what else is in its chain stays, and effects are taken to be what it says.
+        model: fitted, its ceramic declared or not; what else is in its chain stays, its effects are taken as it has
+            them.
         progress: is told what is being done.
     """
-    progress("identifying the density" + (f" beside {', '.join(declared.effects)}" if declared.effects else ""))
-    runs = less_effects(declared)
-    thickness, voltages, reached = driven(declared)
+    progress("identifying the density" + (f" beside {', '.join(model.effects)}" if model.effects else ""))
+    runs = less_effects(model)
+    thickness, voltages, reached = driven(model)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
-    unknown, *others = _unknown_starts(declared)
+    unknown, *others = _unknown_starts(model)
     if others:
         unknown = min((unknown, *others), key=lambda each: fit.tried(*_parts(runs, voltages, each)))
     found = fit.fit(*_parts(runs, voltages, unknown))
@@ -70,7 +71,7 @@ def fit_flexible(declared: Hypothesis, progress: Progress) -> Hypothesis:
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
     known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
     flexible.start[:known] = found.vector[:known]
-    return _with_law(declared, flexible, found)
+    return _with_law(model, flexible, found)
 
 
 def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
@@ -85,9 +86,7 @@ def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
 def less_effects(found: Hypothesis) -> list[RunData]:
     """The runs with readings less what the effects behind the ceramic add to them, as the model has it."""
     staged, vector, numbers = found.staged, found.vector, range(len(found.staged.runs))
-    kinds = [link.kind for link in staged.chain.links]
-    ceramic = next(place for place, link in enumerate(staged.chain.links) if isinstance(link, Ferroelectric))
-    behind = [name for name in found.effects if kinds.index(name) > ceramic]
+    behind = [name for name in found.effects if not staged.is_before(name)]
     if not behind:
         return list(staged.runs)
     bare = staged

@@ -10,7 +10,7 @@ from itertools import repeat
 import numpy as np
 
 from pzt_ros.diagnosis.bottom import to_the_bottom
-from pzt_ros.diagnosis.candidates import Candidate
+from pzt_ros.diagnosis.candidates import Candidate, gain_of
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.histories import renewed, with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
@@ -75,9 +75,10 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     places = [best.after]
     if _may_come_down(best.after, asked):
         places += off_bounds(best.after)
-    places = [min(places, key=lambda found: found.total)]
-    places += detailed(places[0], asked) if places[0].fit.ratio <= asked.polishable else []
-    best = replace(best, after=taken_on(places[-1], asked))
+    lowest = min(places, key=lambda found: found.total)
+    if lowest.fit.ratio <= asked.polishable:
+        lowest = detailed(lowest, asked)
+    best = replace(best, after=taken_on(lowest, asked))
     rivals = [candidate for candidate in others if candidate.fit_share >= asked.share]
     afters = workers.map(with_histories_of, [rival.after for rival in rivals], repeat(best.after))
     told = dict(zip(rivals, afters, strict=True))
@@ -122,19 +123,19 @@ def off_bounds(found: Hypothesis) -> list[Hypothesis]:
     return [finished(fitted(staged, begin, found.effects, REFIT_STEPS), True)]
 
 
-def detailed(found: Hypothesis, asked: Thresholds) -> list[Hypothesis]:
-    """Refitted with the details of its last effect, where the runs show them."""
+def detailed(found: Hypothesis, asked: Thresholds) -> Hypothesis:
+    """Refitted with the details of its last effect, where the runs show them; else as it is."""
     staged, name = found.staged, found.effects[-1]
     link = next(link for link in staged.chain_at(found.vector).links if link.kind == name)
     known = {each.field for each in staged.coordinates if each.kind == name}
     details = tuple(coordinate(link, field) for field in EFFECT_OF[name].details if field not in known)
     if not details:
-        return []
+        return found
     freed = replace(staged, coordinates=(*staged.coordinates, *details))
     begin = np.concatenate((found.vector, [each.scaled(each.start) for each in details]))
     after = finished(fitted(freed, begin, found.effects, REFIT_STEPS), True)
-    told = Candidate(name, found, after)
-    return [after] if told.fit_gain > asked.fit_gain and after.total < found.total else []
+    are_shown = gain_of(found.fit, after.fit) > asked.fit_gain and after.total < found.total
+    return after if are_shown else found
 
 
 def finished(found: Hypothesis, further: bool) -> Hypothesis:

@@ -206,6 +206,10 @@ class Staged:
         ceramic = self.ceramic.link(vector[: self._own])
         return chain.with_links(lambda link: ceramic if isinstance(link, Ferroelectric) else link)
 
+    def is_before(self, kind: str) -> bool:
+        """Whether a link stands before the ceramic."""
+        return any(link.kind == kind for link in self.chain.links[: self._place])
+
     @property
     def _own(self) -> int:
         return self.ceramic.start.size
@@ -269,14 +273,11 @@ class Staged:
         step = _STEP if self.bounds[1][self._own + k] >= vector[self._own + k] + _STEP else -_STEP
         moved = vector.copy()
         moved[self._own + k] += step
-        if self._is_before(each):
+        if self.is_before(each.kind):
             there = self.outputs(moved, [number])[0]
         else:
             there = _seen(self._behind(moved, number), *polarized)
         return (there[0] - here[0]) / step, (there[1] - here[1]) / step
-
-    def _is_before(self, each: Coordinate) -> bool:
-        return any(link.kind == each.kind for link in self.chain.links[: self._place])
 
 
 def _stepped(links: Sequence[Link], states: Sequence[State], signals: Signals) -> Signals:

@@ -141,7 +141,7 @@ class IdentifiedHysteresis:
         return round(self.driven_lines * (self.grid[-1] - self.grid[0]) / self._driven)
 
     @property
-    def _driven_nodes(self) -> Array:
+    def _inside(self) -> Array:
         """1 for every hat that is switched both ways, 0 for the others [shape (nodes,)]."""
         low, high = self.field_range
         within = (self.grid >= low) & (self.grid <= high)
@@ -311,7 +311,7 @@ class IdentifiedHysteresis:
         kinetics = slice(LOG_TIME, LOG_SETTLING + 1)
         add(self.kinetics_strength * np.eye(3), kinetics, self.start[kinetics])
         add(self.weight_strength * relative, weights, np.zeros(nodes))
-        add(self.sum_strength / self.total * self._driven_nodes[None, :], weights, self._even)
+        add(self.sum_strength / self.total * self._inside[None, :], weights, self._even)
         for strength, rows in (
             (self.smoothness_strength, _curvatures(self.grid.size)),
             (self.rotation_strength, _rotations(self.grid.size)),
