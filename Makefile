@@ -17,7 +17,7 @@ help:
 	@echo "make gallery  do what the pages of docs/gallery say, and put what comes out on them (five minutes)"
 	@echo "make measured  judge the measured runs in ../shared/data, where they are: docs/measured.md"
 	@echo "make court  the diagnosis judged on hidden effects: docs/court.md (hours; goes on where it stopped; SEED=, ROUNDS=)"
-	@echo "make soak   perform every fault many times: docs/faults.md (hours; goes on where it stopped; REPEAT=)"
+	@echo "make soak   perform every fault many times: docs/faults.md (an hour; goes on where it stopped; REPEAT=)"
 	@echo "make clean  remove what these made"
 
 install: $(VENV)/.installed
