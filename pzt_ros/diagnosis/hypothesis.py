@@ -69,6 +69,11 @@ class Hypothesis:
     effects: tuple[str, ...] = ()
 
     @property
+    def beside(self) -> str:
+        """What is tried with it is said to be tried so; empty without effects."""
+        return f" beside {', '.join(self.effects)}" if self.effects else ""
+
+    @property
     def jacobians(self) -> list[Array]:
         """Of the runs that were fitted, where the fit ended; too large to be kept for every candidate."""
         return [each.astype(float, copy=False) for each in self.staged.linearise(self.solution.vector)[1]]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, repeat
+from itertools import chain
 
-import numpy as np
-
-from pzt_ros.diagnosis.candidates import Candidate, Step, best_of_each, share_of
+from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.elimination import (
     hysteresis_in_question,
     is_law_as_good,
@@ -18,44 +14,22 @@ from pzt_ros.diagnosis.elimination import (
     second_alone,
     without,
 )
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.informed import informed
-from pzt_ros.diagnosis.judge import Judge
-from pzt_ros.diagnosis.refinement import finished, polished, refit, rivals_of, seen_as, taken_on
-from pzt_ros.diagnosis.screen import Prospect, Screen
+from pzt_ros.diagnosis.refinement import polished, taken_on
+from pzt_ros.diagnosis.seeker import Seeker
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
 from pzt_ros.diagnosis.wandering import SPACING, wandering
-from pzt_ros.effects.effect import Effect
-from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
-from pzt_ros.effects.table import EFFECT_OF, EFFECTS
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.effects.thermal_drift import ThermalDrift
-from pzt_ros.errors import BenchError
-from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 
-_MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _RENEWALS, _COMES_DOWN = 3, 0.98  # times that effects are found anew, and what has to be left each time at most
-_STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
 
 
 @dataclass
-class Search(Judge):
-    """Forward addition of effects.
-
-    Attributes:
-        effects: that may be named.
-        progress: is told what is being tried.
-        workers: refit the candidates.
-        origins: the base in other places, each fitted when it is asked for. A base fitted without an effect bends to
-            make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
-        sooner: those of them that are tried before the base itself, which went astray.
-    """
-
-    effects: Sequence[Effect] = EFFECTS
-    progress: Callable[[str], None] = lambda text: None
-    workers: Workers = IN_THIS_PROCESS
-    origins: Callable[[], Iterable[Hypothesis]] = lambda: ()
-    sooner: Callable[[], Iterable[Hypothesis]] = lambda: ()
+class Search(Seeker):
+    """Forward addition of effects; a `Seeker` that decides what is added."""
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -85,23 +59,6 @@ class Search(Judge):
         found = replace(last.accepted[-1], after=best)
         candidates = _headed_by(found, last.candidates)
         return [*steps[:-1], replace(last, candidates=candidates, accepted=(*last.accepted[:-1], found))]
-
-    def _anew(self, found: Hypothesis, name: str) -> list[Hypothesis]:
-        """Refits with one of the effects sought once more beside the others, from several places."""
-        bare = without(found, name)
-        if bare is None:
-            return []
-        starts = [Screen(place).best(EFFECT_OF[name]) for place in self._places(bare)]
-        return [each.after for each in self._refitted(bare, [start for start in starts if start is not None])]
-
-    def _places(self, found: Hypothesis) -> Iterator[Hypothesis]:
-        """A hypothesis where it is, and with its ceramic as in those origins where it can be evaluated."""
-        yield found
-        own = found.staged.ceramic.start.size
-        for origin in (*self.sooner(), *self.origins()):
-            vector = np.concatenate((origin.vector[: origin.staged.ceramic.start.size], found.vector[own:]))
-            with suppress(BenchError):
-                yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
 
     def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
         """The steps, or one more where that explains what kept the last from being decided."""
@@ -152,7 +109,7 @@ class Search(Judge):
         self, before: Hypothesis, places: Iterable[Hypothesis], others: Sequence[Candidate]
     ) -> Step | None:
         """Readings that wander beside a hypothesis, fitted from the first place where they explain all."""
-        self.progress("refitting with readings that wander" + _beside(before.effects))
+        self.progress("refitting with readings that wander" + before.beside)
         name, verdict = ThermalDrift.kind, f"wanders by chance over {SPACING:g} s and more"
         for place in places:
             found = wandering(place, self.thresholds)
@@ -228,7 +185,7 @@ class Search(Judge):
         worth = [c for c in candidates if c.fit_share >= asked.finish_share and c.fit_gain > asked.fit_gain]
         if max((c.fit_share for c in worth), default=0.0) < asked.informed_share:
             return None
-        self.progress("weighing " + ", ".join(c.name for c in worth) + _beside(worth[0].before.effects))
+        self.progress("weighing " + ", ".join(c.name for c in worth) + worth[0].before.beside)
         best, *others = informed(worth, self.workers)
         winner = next((c for c in sound if c.name == best.name), None)
         if winner is None or best.share < asked.informed_share or not self.is_enough(best):
@@ -245,37 +202,6 @@ class Search(Judge):
         plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)
 
-    def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
-        """The best refits of each effect, and why the rest was not refitted.
-
-        A first effect is sought from the base and from the origins, until one comes down to the noise.
-        """
-        first = not before.effects and not self.at_floor(before)
-        sooner = list(self.sooner()) if first else []
-        places = chain(sooner, [before], self.origins() if first and not self.blind(before) else ())
-        candidates: tuple[Candidate, ...] = ()
-        refused: dict[str, str] = {}
-        for place in places:
-            found, refused = self._candidates(before, place, most)
-            candidates = best_of_each((*candidates, *found))
-            # what is elsewhere led astray, or is far from runs whose pasts are not known there
-            is_costly = any(place is each for each in sooner) or before.staged.has_past
-            if self._is_settled(candidates) or (is_costly and self._stands_alone(candidates)):
-                break
-        names = {candidate.name for candidate in candidates}
-        return candidates, {name: why for name, why in refused.items() if name not in names}
-
-    def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
-        return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)
-
-    def _stands_alone(self, candidates: Sequence[Candidate]) -> bool:
-        """Whether one explains nearly all that is left, down to near the noise, and is far ahead of all others."""
-        if not candidates:
-            return False
-        best, asked = candidates[0], self.thresholds
-        near = max(best.after.fit.ratio, best.after.selection.ratio) < asked.near_floor and best.share > asked.whole
-        return near and all(self.is_far_ahead(best, each) for each in candidates if each.cause != best.cause)
-
     def _pair_step(self, step: Step) -> Step:
         """Where no effect alone explained enough: two that do together, or the step as it was."""
         sound = self.complementary(step.candidates)
@@ -286,82 +212,6 @@ class Search(Judge):
             return step
         verdict = f"explains {share_of(step.before, pair[-1].after):.0%} of the excess together"
         return replace(step, accepted=pair, verdict=verdict)
-
-    def _candidates(
-        self, before: Hypothesis, seen_from: Hypothesis, most: float = math.inf
-    ) -> tuple[tuple[Candidate, ...], dict[str, str]]:
-        """Effects refitted beside what is in a hypothesis, from where another promises most; why the rest was not.
-
-        Those that promise to leave more than `most` of the mean square are not refitted.
-        """
-        self.progress(f"screening {len(self.effects)} effects" + _beside(before.effects))
-        screen = Screen(seen_from)
-        refused: dict[str, str] = {}
-        prospects: list[Prospect] = []
-        for effect in self.effects:
-            reason = self._why_not(effect, before)
-            prospect = None if reason else screen.best(effect)
-            if prospect is None:
-                refused[effect.name] = reason or "no start of it can be evaluated on these runs"
-            else:
-                prospects.append(prospect)
-        prospects.sort(key=_left)
-        near = self.thresholds.refits + _MORE
-        sought = [p.effect.limits or (n < near and self._is_worth(before, p)) for n, p in enumerate(prospects)]
-        prospects = [screen.refined(p) if wanted else p for p, wanted in zip(prospects, sought, strict=True)]
-        prospects.sort(key=_left)
-        worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
-        for prospect in prospects:
-            if prospect not in worth[: self.thresholds.refits]:
-                refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
-                    f"{_promise(before, worth[0]):.0%} the best" if worth else "too little to look for"
-                )
-        found = self._refitted(before, worth[: self.thresholds.refits])
-        return tuple(sorted(found, key=lambda c: c.after.total)), refused
-
-    def _is_worth(self, before: Hypothesis, prospect: Prospect) -> bool:
-        return before.total - prospect.total > self.thresholds.promise
-
-    def _why_not(self, effect: Effect, before: Hypothesis) -> str:
-        causes = {EFFECT_OF[link.kind].reported for link in effects_in(before.staged.chain)}
-        if effect.reported in causes:  # a variant beside its like would name one cause twice
-            return "is in the model"
-        missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
-        return f"cannot be seen without {', '.join(missing)}" if missing else ""
-
-    def _refitted(self, before: Hypothesis, prospects: Sequence[Prospect]) -> list[Candidate]:
-        if not prospects:
-            return []
-        names = [prospect.effect.name for prospect in prospects]
-        self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + _beside(before.effects))
-        begun = list(self.workers.map(refit, prospects, repeat(before.effects)))
-        afters = self._from_the_best(before, prospects, begun)
-        tried = [(prospect, after) for prospect, after in zip(prospects, afters, strict=True) if after]
-        found = [Candidate(prospect.effect.name, seen_as(before, prospect), after) for prospect, after in tried]
-        rivals = [rival for rival in rivals_of(found) if self.is_worth_finishing(rival)]
-        unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
-        exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
-        better = dict(zip(rivals, exacts, strict=True))
-        return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
-
-    def _from_the_best(
-        self, before: Hypothesis, prospects: Sequence[Prospect], afters: Sequence[Hypothesis | None]
-    ) -> list[Hypothesis | None]:
-        """Refits that hardly left the base begin again where the best went: that another did is none of its merits."""
-        refits = [after for after in afters if after]
-        best = min(refits, key=lambda after: after.total, default=before)
-
-        def stuck(prospect: Prospect, after: Hypothesis | None) -> bool:
-            promised, gained = before.total - prospect.total, before.total - (after or before).total
-            return best is not after and gained < _STUCK * min(promised, before.total - best.total)
-
-        again = [n for n, pair in enumerate(zip(prospects, afters, strict=True)) if stuck(*pair)]
-        there = [prospects[n].beginning_at(best.vector[: before.vector.size]) for n in again]
-        found = list(afters)
-        for n, after in zip(again, self.workers.map(refit, there, repeat(before.effects)), strict=True):
-            if after and after.total < (found[n] or before).total:
-                found[n] = after
-        return found
 
     def _tied(self, winner: Candidate, others: Sequence[Candidate]) -> tuple[str, ...]:
         """Names that explain the residual as well as the winner, which comes first; empty if it stands alone."""
@@ -378,7 +228,7 @@ class Search(Judge):
         return (winner.name, *alike) if alike else ()
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
-        self.progress("refitting with a strain law of higher order" + _beside(winner.before.effects))
+        self.progress("refitting with a strain law of higher order" + winner.before.beside)
         return is_law_as_good(winner.before, winner.after, self.thresholds)
 
     def _pair(self, before: Hypothesis, sound: Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -406,15 +256,3 @@ class Search(Judge):
 
 def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     return (winner, *(each for each in candidates if each.name != winner.name))
-
-
-def _left(prospect: Prospect) -> float:
-    return prospect.total
-
-
-def _beside(effects: Sequence[str]) -> str:
-    return f" beside {', '.join(effects)}" if effects else ""
-
-
-def _promise(before: Hypothesis, prospect: Prospect) -> float:
-    return max(before.total - prospect.total, 0.0) / before.excess

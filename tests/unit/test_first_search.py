@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import branches, flexible, judge, search
+from pzt_ros.diagnosis import branches, flexible, judge, seeker
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
@@ -348,7 +348,7 @@ def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
         begun.append(prospect.start.tolist())
         return leaving(1.0, 1.0)
 
-    monkeypatch.setattr(search, "refit", fitted)
+    monkeypatch.setattr(seeker, "refit", fitted)
     empty = np.zeros(2)
     mode = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.5]), 2.5)  # type: ignore[arg-type]
     lag = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.7]), promised)  # type: ignore[arg-type]
