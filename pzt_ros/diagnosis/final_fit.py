@@ -10,19 +10,26 @@ it had to bend. So it is identified once more beside them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
-from pzt_ros.diagnosis.flexible import fit_flexible
+from pzt_ros.diagnosis.elsewhere import from_elsewhere
+from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
+from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.errors import BenchError
 
 _STEPS = 6
+_IDENTIFIED_BY: dict[type, Callable[[Hypothesis, Progress], Hypothesis | None]] = {
+    FlexibleHysteresis: fit_flexible,
+    FlexiblePreisach: fit_rate_independent,
+}
 
 
 def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData]) -> Hypothesis:
@@ -33,16 +40,19 @@ def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData]) -> Hyp
         runs: as they were divided.
     """
     staged = found.staged
-    if not (found.effects and isinstance(staged.ceramic, FlexibleHysteresis)) or any(run.wander for run in staged.runs):
+    identify = _IDENTIFIED_BY.get(type(staged.ceramic))
+    if not (found.effects and identify) or any(run.wander for run in staged.runs):
         return found
     divided = [replace(run, picks=whole.picks) for run, whole in zip(staged.runs, runs, strict=True)]
-    former = found if found.choosing else _refitted(found, divided)
-    if not former.choosing:
+    begun = found if found.choosing else _refitted(found, divided)
+    if not begun.choosing:
         return found
+    best = begun
     with suppress(BenchError):  # what the effects leave of the drive or the readings may not tell a density
-        anew = fit_flexible(former, lambda text: None)
-        return anew if anew.total < former.total else found
-    return found
+        best = from_elsewhere(begun)
+        anew = identify(best, lambda text: None)
+        best = min((best, anew), key=lambda each: each.total) if anew else best
+    return found if best is begun else best
 
 
 def fitted_to_all(found: Hypothesis) -> Hypothesis:

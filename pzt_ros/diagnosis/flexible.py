@@ -51,7 +51,7 @@ def fit_flexible(model: Hypothesis, progress: Progress) -> Hypothesis:
             them.
         progress: is told what is being done.
     """
-    progress("identifying the density" + (f" beside {', '.join(model.effects)}" if model.effects else ""))
+    progress("identifying the density" + model.beside)
     runs = less_effects(model)
     thickness, voltages, reached = driven(model)
     fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
@@ -103,14 +103,14 @@ def _less(run: RunData, added: Array) -> RunData:
     return replace(run, record=replace(run.record, columns=columns))
 
 
-def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
+def fit_rate_independent(model: Hypothesis, progress: Progress) -> Hypothesis | None:
     """The same with the Preisach model; None where a run begins driven, so that it has a past."""
-    runs = declared.staged.runs
-    if declared.staged.has_past:
+    if model.staged.has_past:
         return None
-    progress("identifying a density that knows no rate")
+    progress("identifying a density that knows no rate" + model.beside)
+    runs = less_effects(model)
     known = [False] * len(runs)
-    thickness, voltages, reached = driven(declared)
+    thickness, voltages, reached = driven(model)
     parts = _parts(runs, voltages, known)
     fit = IdentifiedFit(
         thickness, RESOLUTIONS, ROTATIONS, ORDERS, voltage_range=reached, base=RateIndependentHysteresis
@@ -126,7 +126,7 @@ def fit_rate_independent(declared: Hypothesis, progress: Progress) -> Hypothesis
     )
     plays.rotation_strength, plays.smoothness_strength = found.choices[0].rotation, fit.smoothness
     plays.start[:] = found.vector[: plays.shared]
-    return _with_law(declared, plays, found)
+    return _with_law(model, plays, found)
 
 
 def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float]]:

@@ -570,14 +570,13 @@ def test_density_identified_beside_effects_is_taken_where_it_says_more(
     found = found_in_turn(base, "slow_relaxation")[0].accepted[0].after
     seen, runs = fitted_to_all(found), found.staged.runs
     assert identified_beside_effects(seen, runs) is seen  # a declared density is as it was declared
-    monkeypatch.setattr(final_fit, "FlexibleHysteresis", type(found.staged.ceramic))
     former: list[Hypothesis] = []
 
     def anew(asked: Hypothesis, progress: object) -> Any:
         former.append(asked)
         return SimpleNamespace(total=left * asked.total)
 
-    monkeypatch.setattr(final_fit, "fit_flexible", anew)
+    monkeypatch.setitem(final_fit._IDENTIFIED_BY, type(found.staged.ceramic), anew)
     taken = identified_beside_effects(seen, runs)
     assert (taken is not seen) == is_taken
     assert former[0].choosing == found.choosing
@@ -987,7 +986,8 @@ def test_an_effect_is_weighed_on_a_density_that_was_fitted_to_what_chose(monkeyp
     """A court case: a lag that explained most where it was fitted, beside a density that predicted badly elsewhere."""
     before, wandering = misfitting(2.0, 3.0), misfitting(1.1, 2.9)
     before.staged = SimpleNamespace(runs=[])
-    before.effects = wandering.effects = ()
+    before.effects, before.beside = (), ""
+    wandering.effects = ()
     lag, mode = (Candidate(name, before, wandering) for name in ("sensor_lag", "mechanical_resonance"))
     left = {"sensor_lag": 1.1, "mechanical_resonance": 1.2}
 

@@ -1,0 +1,108 @@
+"""What was found, refitted from plainer shapes and other scales; the hysteresis of the strain is a play of this file.
+
+All runs are simulated.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.elsewhere import from_elsewhere
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.screen import Screen
+from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.effects.table import EFFECT_OF
+from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.records import Record
+
+NOISE, RATE = 8e-9, 500.0
+LEAD, WIDTH = 0.01, 0.04
+KIND = StrainPolarizationHysteresis.kind
+
+
+def declared() -> Chain:
+    """Thesis set P2, its density and its law known."""
+    return dataclasses.replace(load_chain("thesis-p2"), notes={"free": ["electrostriction.coefficient"]})
+
+
+def ahead(polarization: Array, plays: tuple[float, ...]) -> Array:
+    """Polarization less plays behind it, of widths in units of WIDTH [C/m^2]."""
+    out = polarization.copy()
+    for factor in plays:
+        y, radius = float(polarization[0]), 0.5 * factor * WIDTH
+        for k, p in enumerate(polarization):
+            y = min(max(y, p - radius), p + radius)
+            out[k] += LEAD * (p - y) / radius / len(plays)
+    return out
+
+
+def run(seed: int, plays: tuple[float, ...]) -> RunData:
+    """Reversals at random, the strain ahead of the polarization."""
+    rng = np.random.default_rng(seed)
+    volts = [0.0, 140.0, *(v for _ in range(8) for v in (rng.uniform(0, 60), rng.uniform(70, 140)))]
+    time = np.arange(0.0, 0.5 * (len(volts) - 1), 1.0 / RATE)
+    voltage = np.interp(time, 0.5 * np.arange(len(volts)), volts)
+    *before, strain = declared().links
+    signals = Signals(time=time, voltage=voltage)
+    for link in before:
+        _, signals = link.step(link.init(Rest(time=0.0)), signals)
+    leading = signals.replace(strain_polarization=ahead(signals.polarization, plays))
+    _, out = strain.step(strain.init(Rest(time=0.0)), leading)
+    y = out.displacement + NOISE * rng.standard_normal(time.size)
+    return RunData(Record(f"run-{seed}", {"time_s": time, "voltage_V": voltage, "displacement_m": y}), {}, NOISE)
+
+
+def begun_at(base: Hypothesis, scale: float, spreads: tuple[float, float]) -> Hypothesis:
+    """As a search would have ended there."""
+    link = StrainPolarizationHysteresis(
+        polarization_lead=scale * LEAD, turn_width=scale * WIDTH, spread_below=spreads[0], spread_above=spreads[1]
+    )
+    prospect = Screen(base)._prospect(EFFECT_OF[KIND], link)
+    return fitted(prospect.staged, prospect.best_start(), (KIND,), 0)
+
+
+def found_in(hypothesis: Hypothesis) -> StrainPolarizationHysteresis:
+    chain = hypothesis.staged.chain_at(hypothesis.vector)
+    (link,) = [link for link in chain.links if isinstance(link, StrainPolarizationHysteresis)]
+    return link
+
+
+def hypothesis(plays: tuple[float, ...]) -> Hypothesis:
+    """The declared model fitted to one run."""
+    return fit_declared(declared(), split([run(1, plays)], [run(3, plays)]), lambda text: None)
+
+
+def test_one_play_is_not_left_as_three() -> None:
+    """Details that were free all along go where the runs do without."""
+    begun = begun_at(hypothesis((1.0,)), 1.0, (0.4, 0.3))
+    found = from_elsewhere(begun)
+    link = found_in(found)
+    assert (link.spread_below, link.spread_above) == (0.0, 0.0)
+    assert not [each for each in found.staged.coordinates if each.field.startswith("spread")]
+    assert link.turn_width == pytest.approx(WIDTH, rel=0.02)
+    assert max(found.ratios) < 1.05 < max(begun.ratios)
+
+
+def test_three_plays_at_half_their_size_are_found_at_their_own() -> None:
+    """Without any details they are found better than they were, and better still at another scale."""
+    begun = begun_at(hypothesis((0.4, 1.0, 1.8)), 0.5, (0.9, 0.6))
+    found = from_elsewhere(begun)
+    link = found_in(found)
+    assert link.turn_width == pytest.approx(WIDTH, rel=0.03)
+    assert link.polarization_lead == pytest.approx(LEAD, rel=0.03)
+    assert link.turn_width * np.exp(-link.spread_below) == pytest.approx(0.4 * WIDTH, rel=0.1)
+    assert max(found.ratios) < 1.05 < max(begun.ratios)
+
+
+def test_what_has_no_such_scale_or_details_is_left_as_it_is() -> None:
+    begun = hypothesis((1.0,))
+    assert from_elsewhere(begun) is begun  # it has no effects
+    lagging = dataclasses.replace(begun, effects=("sensor_lag",))
+    assert from_elsewhere(lagging) is lagging
