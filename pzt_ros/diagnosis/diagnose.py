@@ -21,7 +21,7 @@ from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for, taken_up
-from pzt_ros.diagnosis.intervals import note_intervals
+from pzt_ros.diagnosis.intervals import note_intervals, of_any_polarization
 from pzt_ros.diagnosis.next_experiment import (
     Bench,
     Design,
@@ -85,10 +85,14 @@ def diagnose(
         branches = branches_of(declared, asked, progress, pool)
         chosen = chosen_of(branches, asked)
         progress("predicting")
-        report = _report(runs, len(train), branches, chosen, asked, command, pool)
+        reached = _reached(runs, chosen, asked, command, pool)
+        branches = [reached.branch if branch is chosen else branch for branch in branches]
+        report = _report(runs, len(train), branches, reached, asked, command)
     if profile and report.effects:
-        progress(f"intervals of {', '.join(chosen.final.effects)}")
-        note_intervals(report, chosen.final)
+        progress(f"intervals of {', '.join(reached.final.effects)}")
+        note_intervals(report, reached.final)
+    if chain is None and not any(run.has_polarization for run in runs):
+        report = of_any_polarization(report)
     return dataclasses.replace(report, seconds=time.monotonic() - began)
 
 
@@ -96,13 +100,10 @@ def _report(
     runs: Sequence[RunData],
     trained: int,
     branches: Sequence[Branch],
-    chosen: Branch,
+    reached: _Reached,
     asked: Thresholds,
     command: str,
-    workers: Workers,
 ) -> Report:
-    reached = _reached(runs, chosen, asked, command, workers)
-    branches = [reached.branch if branch is chosen else branch for branch in branches]
     chosen, before, after = reached.branch, reached.before, reached.after
     blind = alike_by_design([run.record for run in runs])
     tied = tuple(tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied)
@@ -150,9 +151,10 @@ def _report(
 
 
 class _Reached(NamedTuple):
-    """Where a diagnosis ends: the names that hold, the chains without and with them, how well these predict."""
+    """Where a diagnosis ends: the names that hold, the last fit, chains without and with them, and their errors."""
 
     branch: Branch
+    final: Hypothesis
     baseline: Chain
     model: Chain
     before: Errors
@@ -170,10 +172,10 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     tested = any(SCORE in run.picks for run in runs)
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
-        return _Reached(chosen, baseline, model, before, after, ())
+        return _Reached(chosen, fits[-1], baseline, model, before, after, ())
     remark = WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
-    return _Reached(nameless, baseline, model_of(fits[0], "model", command), before, before, (remark,))
+    return _Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
 
 def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData]) -> Hypothesis:

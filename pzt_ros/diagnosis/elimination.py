@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
+from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.identifiability import DENSITY
-from pzt_ros.diagnosis.refinement import REFIT_STEPS, finished, taken_on
+from pzt_ros.diagnosis.refinement import REFIT_STEPS, taken_on
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity

@@ -1,67 +1,72 @@
 """Refits of what was found from elsewhere.
 
-Displacement does not say how much polarization makes it, and a density that is free bends until an effect of a wrong
-size or shape all but fits: no step leads on from there. Three plays of 10 x the noise were found at half their size,
-and runs never given predicted to 2.0 x, to 1.03 x from twice that size; one play was found as three, and 1.25 x, as
+A density that is free bends until an effect on the polarization of a wrong shape all but fits, and no step leads on
+from there. Three plays of 10 x the noise were found as two of one width and one of more than twice that, and runs never
+given predicted to 1.4 and 2.0 x, from widths well apart to 1.1 and 1.0 x; one play was found as three, and 1.25 x, as
 one 1.07 x.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
+from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
-from pzt_ros.diagnosis.refinement import finished
-from pzt_ros.effects.table import EFFECT_OF
+from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 
-_POLARIZATION, _SCALES = "C/m^2", (2.0, 0.5)
-_CLEAN = 1.1  # rms over noise of a run up to which no other scale is tried
+_KIND, _SPREADS = StrainPolarizationHysteresis.kind, ("spread_below", "spread_above")
+_APART = 0.75  # logarithm of the ratio of two widths next to each other
+_CLEAN = 1.02  # rms over noise of a run up to which no widths well apart are tried
 
 
 def from_elsewhere(found: Hypothesis) -> Hypothesis:
-    """The best of a model and of what is found from plainer shapes and other scales of its effects.
+    """The best of a model and of what is found with one width and from three that are well apart.
+
+    It is the model itself where that has no hysteresis of the strain with several widths.
 
     Raises:
         BenchError: the model cannot be evaluated there.
     """
-    for kind in found.effects:
-        tried = [found, *_plainer(found, kind)]
-        if max(found.ratios) > _CLEAN:
-            tried += _rescaled(found, kind)
-        found = min(tried, key=lambda each: each.total)
-    return found
+    places = _places(found)
+    if not places.keys() >= set(_SPREADS):
+        return found
+    tried = [found, finished(_fitted_beside(found, {places[field]: 0.0 for field in _SPREADS}), True)]
+    if min(max(each.ratios) for each in tried) > _CLEAN:
+        tried.append(_fitted_from(found, _widths_apart(found)))
+    return min(tried, key=lambda each: each.total)
 
 
-def _plainer(found: Hypothesis, kind: str) -> list[Hypothesis]:
-    """Without details of an effect that were free all along; nothing where it has none."""
-    effect = EFFECT_OF[kind]
-    in_question = {*effect.details} & {*effect.free}
-    details = {place: 0.0 for place, each in _of(found, kind).items() if each.field in in_question}
-    return [finished(_fitted_beside(found, details), True)] if details else []
+def _widths_apart(found: Hypothesis) -> dict[int, float]:
+    """Three widths evenly about the middle of the narrowest and the widest, and the lead as it is [SI]."""
+    places = _places(found)
+    values = {field: _coordinate(found, place).si(float(found.vector[place])) for field, place in places.items()}
+    below, above = (values[field] for field in _SPREADS)
+    middle = values["turn_width"] * math.exp(0.5 * (above - below))
+    values.update(turn_width=middle, spread_below=_APART, spread_above=_APART)
+    return {place: values[field] for field, place in places.items()}
 
 
-def _rescaled(found: Hypothesis, kind: str) -> list[Hypothesis]:
-    """From where all that an effect has in units of polarization is twice, and half, as large."""
-    scaled = {place: each for place, each in _of(found, kind).items() if each.unit == _POLARIZATION}
-    reached = []
-    for scale in _SCALES if scaled else ():
-        begin = {place: scale * each.si(found.vector[place]) for place, each in scaled.items()}
-        held = _fitted_beside(found, begin)
-        vector = found.vector.copy()
-        vector[_others(found, begin)] = held.vector
-        vector[list(begin)] = [scaled[place].scaled(value) for place, value in begin.items()]
-        reached.append(finished(fitted(found.staged, vector, found.effects), True))
-    return reached
+def _fitted_from(found: Hypothesis, begin: Mapping[int, float]) -> Hypothesis:
+    """Fitted from other values of some coordinates [SI]; first all others, with those held."""
+    vector = found.vector.copy()
+    vector[_others(found, begin)] = _fitted_beside(found, begin).vector
+    vector[list(begin)] = [_coordinate(found, place).scaled(value) for place, value in begin.items()]
+    return finished(fitted(found.staged, vector, found.effects), True)
 
 
-def _of(found: Hypothesis, kind: str) -> dict[int, Coordinate]:
-    """The coordinates of an effect by their place in the vector."""
+def _places(found: Hypothesis) -> dict[str, int]:
+    """Where the fields of the hysteresis stand in the vector."""
     known = enumerate(found.staged.coordinates, start=found.staged.ceramic.start.size)
-    return {place: each for place, each in known if each.kind == kind}
+    return {each.field: place for place, each in known if each.kind == _KIND}
+
+
+def _coordinate(found: Hypothesis, place: int) -> Coordinate:
+    return found.staged.coordinates[place - found.staged.ceramic.start.size]
 
 
 def _others(found: Hypothesis, places: Mapping[int, float]) -> list[int]:
@@ -70,14 +75,12 @@ def _others(found: Hypothesis, places: Mapping[int, float]) -> list[int]:
 
 def _fitted_beside(found: Hypothesis, held: Mapping[int, float]) -> Hypothesis:
     """Fitted again, some coordinates no longer sought but at the values given [SI]."""
-    staged = found.staged
-    own = staged.ceramic.start.size
-    known = [staged.coordinates[place - own] for place in held]
+    staged, others = found.staged, _others(found, held)
+    known = [_coordinate(found, place) for place in held]
     values = np.array([each.scaled(value) for each, value in zip(known, held.values(), strict=True)])
-    others = _others(found, held)
     beside = replace(
         staged,
         chain=with_coordinates(staged.chain, known, values, None),
-        coordinates=tuple(staged.coordinates[place - own] for place in others if place >= own),
+        coordinates=tuple(_coordinate(found, place) for place in others if place >= staged.ceramic.start.size),
     )
     return exact(fitted(beside, found.vector[others], found.effects))

@@ -60,18 +60,21 @@ def fit_flexible(model: Hypothesis, progress: Progress) -> Hypothesis:
         unknown = min((unknown, *others), key=lambda each: fit.tried(*_parts(runs, voltages, each)))
     found = fit.fit(*_parts(runs, voltages, unknown))
     base: Any = found.problem.base
+    scale = _scale_of(found, model)
     flexible = FlexibleHysteresis(
         [run.record.time for run in runs],
         thickness,
         (reached[0] / thickness, reached[1] / thickness),
         unknown_start=unknown,
         resolution=found.choices[0].resolution,
+        total=scale * base.total,
         fine_lines=base.driven_lines,
     )
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
     known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
     flexible.start[:known] = found.vector[:known]
-    return _with_law(model, flexible, found)
+    flexible.start[base.polarized] *= scale
+    return _with_law(model, flexible, found, scale)
 
 
 def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
@@ -117,16 +120,20 @@ def fit_rate_independent(model: Hypothesis, progress: Progress) -> Hypothesis | 
     )
     fit = min((replace(fit, initial=state) for state in INITIAL), key=lambda each: each.tried(*parts))
     found = fit.fit(*parts)
+    base: Any = found.problem.base
+    scale = _scale_of(found, model)
     plays = FlexiblePreisach(
         [run.record.time for run in runs],
         thickness,
         (reached[0] / thickness, reached[1] / thickness),
         resolution=found.choices[0].resolution,
         initial=fit.initial,
+        total=scale * base.total,
     )
     plays.rotation_strength, plays.smoothness_strength = found.choices[0].rotation, fit.smoothness
     plays.start[:] = found.vector[: plays.shared]
-    return _with_law(model, plays, found)
+    plays.start[base.polarized] *= scale
+    return _with_law(model, plays, found, scale)
 
 
 def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float]]:
@@ -137,12 +144,30 @@ def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float
     return thickness, voltages, (min(float(v.min()) for v in voltages), max(float(v.max()) for v in voltages))
 
 
-def _with_law(declared: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult) -> Hypothesis:
-    """An identified ceramic and its law beside what else the declared chain has, fitted together."""
-    linear, quadratic, cubic = (float(coefficient) for coefficient in (*found.law, 0.0)[1:4])
+def _scale_of(found: IdentifiedResult, model: Hypothesis) -> float:
+    """What to multiply the polarization of an identified density by: displacement does not say how large it is.
+
+    It is as large as recorded, or else as the model had it before it was fitted: what is reversible may have grown to
+    twice its size for what the model lacks.
+    """
+    staged, problem = model.staged, found.problem
+    modelled = staged.polarizations(staged.start)
+    wanted = [_recorded(staged.runs[n]) if staged.runs[n].has_polarization else modelled[n] for n in staged.fitted]
+    identified = problem.base.polarization(found.vector[: problem.law.start], problem.voltages(found.vector))
+    return max(float(np.ptp(p)) for p in wanted) / max(float(np.ptp(p)) for p in identified)
+
+
+def _recorded(run: RunData) -> Array:
+    assert run.record.polarization is not None
+    return run.record.polarization
+
+
+def _with_law(model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, scale: float) -> Hypothesis:
+    """An identified ceramic, its polarization so many times as large, and its law beside the rest, fitted together."""
+    linear, quadratic, cubic = (float(c) / scale**n for n, c in enumerate((*found.law, 0.0)[1:4], start=1))
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
-    staged, start = beside_the_rest(declared, ceramic, law, found.problem.order)
-    return exact(fitted(staged, start, declared.effects, most_steps=_STEPS))
+    staged, start = beside_the_rest(model, ceramic, law, found.problem.order)
+    return exact(fitted(staged, start, model.effects, most_steps=_STEPS))
 
 
 def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:

@@ -32,11 +32,18 @@ class FlexiblePreisach(RateIndependentHysteresis):
         *,
         resolution: int,
         initial: str,
+        total: float = 0.26,
     ) -> None:
         """As RateIndependentHysteresis, of runs that all begin in the state `initial`."""
         known = [False] * len(times)
         super().__init__(
-            times, layer_thickness, field_range, unknown_start=known, resolution=resolution, initial=initial
+            times,
+            layer_thickness,
+            field_range,
+            unknown_start=known,
+            resolution=resolution,
+            initial=initial,
+            total=total,
         )
         self._known: Remembered[Array] = Remembered(_REMEMBERED)
 

@@ -6,6 +6,7 @@ A share that ends at 1, or a delay that a bandwidth stands for, has a standard e
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.outcome import model_error
@@ -23,6 +24,25 @@ def note_intervals(report: Report, final: Hypothesis) -> None:
     noted = report.model.notes["fit"]["parameters"]  # the effects of the report hold the same entries
     for name, interval in intervals(final, final.effects).items():
         noted[name]["interval_95"] = [interval.lower, interval.upper]
+
+
+ANY_POLARIZATION = (
+    "How much polarization makes the displacement was neither recorded nor declared: parameters in units of"
+    " polarization hold for as much as was assumed, and only their ratios are found."
+)
+
+
+def of_any_polarization(report: Report) -> Report:
+    """The report of runs that do not say how large the polarization is, without errors of what hangs on that.
+
+    A remark says so where a parameter of an effect is such.
+    """
+    parameters = [chain.notes["fit"]["parameters"] for chain in (report.baseline, report.model)]
+    for entry in (entry for found in parameters for entry in found.values() if "C" in entry["unit"]):
+        entry["std"] = None
+        entry.pop("interval_95", None)
+    named = any("C" in entry["unit"] for effect in report.effects for entry in effect.parameters.values())
+    return replace(report, remarks=(*report.remarks, ANY_POLARIZATION)) if named else report
 
 
 def intervals(found: Hypothesis, links: Collection[str]) -> dict[str, Interval]:

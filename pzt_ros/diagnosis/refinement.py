@@ -12,8 +12,10 @@ import numpy as np
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.candidates import Candidate, gain_of
 from pzt_ros.diagnosis.coordinates import coordinate
-from pzt_ros.diagnosis.histories import renewed, with_histories_of
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.elsewhere import from_elsewhere
+from pzt_ros.diagnosis.finish import finished
+from pzt_ros.diagnosis.histories import with_histories_of
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.screen import Prospect
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.table import EFFECT_OF
@@ -21,7 +23,6 @@ from pzt_ros.errors import BenchError
 from pzt_ros.parallel import Workers
 
 REFIT_STEPS = 12
-_LONG = 30  # steps more, for those that may win
 _POLISHES, _COMES_DOWN = 4, 0.995  # times that the best is taken on, and what has to be left of it each time at most
 _RIVAL = 0.6  # of the best one's gain
 _AT_BOUND = 1e-6  # of the way to the other bound
@@ -75,6 +76,8 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     places = [best.after]
     if _may_come_down(best.after, asked):
         places += off_bounds(best.after)
+    if max(best.after.ratios) > asked.floor and best.after.fit.ratio <= asked.polishable:
+        places.append(from_elsewhere(best.after))
     lowest = min(places, key=lambda found: found.total)
     if lowest.fit.ratio <= asked.polishable:
         lowest = detailed(lowest, asked)
@@ -136,13 +139,6 @@ def detailed(found: Hypothesis, asked: Thresholds) -> Hypothesis:
     after = finished(fitted(freed, begin, found.effects, REFIT_STEPS), True)
     are_shown = gain_of(found.fit, after.fit) > asked.fit_gain and after.total < found.total
     return after if are_shown else found
-
-
-def finished(found: Hypothesis, further: bool) -> Hypothesis:
-    """Exact, and fitted further where it could have come further: what is left must not be taken for an effect."""
-    if further:
-        found = renewed(fitted(found.staged, found.vector, found.effects, _LONG))
-    return exact(found)
 
 
 def _may_come_down(found: Hypothesis, asked: Thresholds) -> bool:

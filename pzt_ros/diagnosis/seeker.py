@@ -12,9 +12,10 @@ import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate, best_of_each
 from pzt_ros.diagnosis.elimination import without
+from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.judge import Judge
-from pzt_ros.diagnosis.refinement import finished, refit, rivals_of, seen_as
+from pzt_ros.diagnosis.refinement import refit, rivals_of, seen_as
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in

@@ -43,8 +43,7 @@ class Effect:
         linear: parameters that the output is linear in, one alone at a time; the amplitude where empty.
         additive: those of `free` that a search moves by sums and not by ratios: 0 is a value like any other.
         details: parameters that are moved as well once the effect is the best of its round, and where the runs show
-            them: they say how it acts, and whether it is there does not hang on them. Those in `free`, too, are moved
-            all along, and on an identified density it is asked in the end whether the runs do without.
+            them: they say how it acts, and whether it is there does not hang on them.
         spans: parameters for the middle and for half the width of the displacement that it acts on, which are given
             and not found; empty where there are none.
         goes_on: the parameter that counts what was gone through before a run, where that may be known from the runs

@@ -117,7 +117,6 @@ EFFECTS: tuple[Effect, ...] = (
         ),
         free=("polarization_lead", "turn_width", "spread_below", "spread_above"),
         additive=("spread_below", "spread_above"),
-        details=("spread_below", "spread_above"),
         absence="a loop of displacement over polarization that does not depend on the rate",
         next_experiment="bipolar loops at two rates with polarization recorded: strain over P shows the loop",
     ),

@@ -205,6 +205,11 @@ class IdentifiedHysteresis:
         return np.clip(vector[place], 0.0, 1.0) if place.stop > place.start else ABSENT
 
     @property
+    def polarized(self) -> slice:
+        """Coordinates in units of polarization."""
+        return slice(SUSCEPTIBILITY, self.shared)
+
+    @property
     def occupancies(self) -> slice:
         """Where the occupancies of all runs stand in the vector."""
         return slice(self.shared, len(self.names))

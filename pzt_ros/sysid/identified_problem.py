@@ -70,6 +70,11 @@ class IdentifiedBase(Protocol):
         ...
 
     @property
+    def polarized(self) -> slice:
+        """Coordinates in units of polarization."""
+        ...
+
+    @property
     def occupancies(self) -> slice:
         """Where the starts that are not known stand in the vector."""
         ...

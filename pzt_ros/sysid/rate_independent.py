@@ -89,6 +89,11 @@ class RateIndependentHysteresis:
         return len(self.names)
 
     @property
+    def polarized(self) -> slice:
+        """Coordinates in units of polarization."""
+        return slice(SUSCEPTIBILITY, self.shared)
+
+    @property
     def occupancies(self) -> slice:
         """Where unknown starts would stand in the vector."""
         return slice(len(self.names), len(self.names))

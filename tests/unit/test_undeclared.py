@@ -15,6 +15,7 @@ from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import fitted
+from pzt_ros.diagnosis.intervals import ANY_POLARIZATION, of_any_polarization
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.settings import Thresholds
@@ -72,6 +73,19 @@ def found(stage: Chain) -> Report:
     """What is said of it with hum, of which nothing was declared."""
     chain = with_effect(stage, HUM)
     return diagnose(*runs_of(chain), workers=IN_THIS_PROCESS)
+
+
+def test_no_error_is_told_of_what_hangs_on_a_polarization_that_nobody_knows(found: Report) -> None:
+    entries = found.model.notes["fit"]["parameters"].values()
+    assert {entry["std"] is None for entry in entries if "C" in entry["unit"]} == {True}
+    assert any(entry["std"] for entry in entries if "C" not in entry["unit"])
+    assert ANY_POLARIZATION not in found.remarks  # nothing that was named hangs on it
+    lead = {"polarization_lead": {"value": 0.01, "std": 1e-4, "unit": "C/m^2", "interval_95": [0.009, 0.011]}}
+    hysteresis = dataclasses.replace(found.effects[0], parameters=lead)
+    found.model.notes["fit"]["parameters"].update(lead)
+    told = of_any_polarization(dataclasses.replace(found, effects=(hysteresis,)))
+    assert ANY_POLARIZATION in told.remarks
+    assert told.effects[0].parameters["polarization_lead"] == {"value": 0.01, "std": None, "unit": "C/m^2"}
 
 
 def test_it_is_the_base_and_the_effect_is_named(found: Report) -> None:
