@@ -6,9 +6,9 @@ on, seven equal cycles were left out of it, so that its first half has decaying 
 the table of effects. Then fifteen, of a last fit to both halves at three resolutions, two priors, with and without a
 lag (0.23 to 0.44 % of the span); what was kept is the rule that looks at none of them: what was chosen before, once
 more. Two tables since then; then seven looks, while a fault was sought that
-left the amplifier's gain out of a past (245 nm by `pzt diagnose`, 115 without it), and four tables after its last half
-was mended, the last with a finer lattice (0.266 % for 0.262, and 94 nm by `pzt diagnose`). So the figure is not as
-clean as a first look would be.""",
+left the amplifier's gain out of a past (245 nm by `pzt diagnose`, 115 without it), and five tables after its last half
+was mended, the fourth with a finer lattice (0.266 % for 0.262, and 94 nm by `pzt diagnose`), the fifth alike. So the
+figure is not as clean as a first look would be.""",
     "afm": """two in this form: 0.223 %, then 0.236 % with the record in one piece, as it was taken; nothing
 was changed for it; then 0.223 % with the last fit. A rule that readings which stand alone do not count, made for
 lost readings in simulated runs, found 18 here; after a picture of the whole record, score part included, it asks for
