@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.errors import BenchError
 
 _KIND, _SPREADS = StrainPolarizationHysteresis.kind, ("spread_below", "spread_above")
 _APART = 0.75  # logarithm of the ratio of two widths next to each other
@@ -28,16 +30,15 @@ def from_elsewhere(found: Hypothesis) -> Hypothesis:
     """The best of a model and of what is found with one width and from three that are well apart.
 
     It is the model itself where that has no hysteresis of the strain with several widths.
-
-    Raises:
-        BenchError: the model cannot be evaluated there.
     """
     places = _places(found)
     if not places.keys() >= set(_SPREADS):
         return found
-    tried = [found, finished(_fitted_beside(found, {places[field]: 0.0 for field in _SPREADS}), True)]
-    if min(max(each.ratios) for each in tried) > _CLEAN:
-        tried.append(_fitted_from(found, _widths_apart(found)))
+    tried = [found]
+    with suppress(BenchError):  # a model that cannot be evaluated there
+        tried.append(finished(_fitted_beside(found, {places[field]: 0.0 for field in _SPREADS}), True))
+        if min(max(each.ratios) for each in tried) > _CLEAN:
+            tried.append(_fitted_from(found, _widths_apart(found)))
     return min(tried, key=lambda each: each.total)
 
 

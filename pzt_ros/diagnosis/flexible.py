@@ -154,7 +154,12 @@ def _scale_of(found: IdentifiedResult, model: Hypothesis) -> float:
     modelled = staged.polarizations(staged.start)
     wanted = [_recorded(staged.runs[n]) if staged.runs[n].has_polarization else modelled[n] for n in staged.fitted]
     identified = problem.base.polarization(found.vector[: problem.law.start], problem.voltages(found.vector))
-    return max(float(np.ptp(p)) for p in wanted) / max(float(np.ptp(p)) for p in identified)
+    return _span(wanted) / _span(identified)
+
+
+def _span(polarizations: Sequence[Array]) -> float:
+    """Of the run that reaches farthest [C/m^2]."""
+    return max(float(np.ptp(p)) for p in polarizations)
 
 
 def _recorded(run: RunData) -> Array:
