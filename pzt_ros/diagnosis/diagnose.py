@@ -114,7 +114,7 @@ def _report(
     sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
     if sparse:
         remains = dataclasses.replace(remains, present=False)
-    effects = _found(chosen, runs, (before, after), reached.model, command)
+    effects = _found(chosen, runs, (before, after), reached.model, asked, command)
     silent = "" if effects or tied or remains.present else _SILENT[sparse]
     if silent and not sparse:
         tied = taken_up(blind)
@@ -165,7 +165,7 @@ class _Reached(NamedTuple):
 def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers) -> _Reached:
     """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go."""
     ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
-    fits = list(workers.map(_last_fit, ends, repeat(chosen.density), repeat(runs)))
+    fits = list(workers.map(_last_fit, ends, repeat(chosen.density), repeat(runs), repeat(asked)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
@@ -178,12 +178,12 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     return _Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,))
 
 
-def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData]) -> Hypothesis:
+def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData], asked: Thresholds) -> Hypothesis:
     """As it is written down, fitted to all that may be seen where that changes it, its density identified anew.
 
     Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
     """
-    found = identified_beside_effects(found, runs)
+    found = identified_beside_effects(found, runs, asked)
     return fitted_to_all(found) if density == "identified" or found.staged.given else found
 
 
@@ -205,7 +205,12 @@ def _base_as_data(chosen: Branch) -> dict[str, Any]:
 
 
 def _found(
-    chosen: Branch, runs: Sequence[RunData], errors: tuple[Errors, Errors], model: Chain, command: str
+    chosen: Branch,
+    runs: Sequence[RunData],
+    errors: tuple[Errors, Errors],
+    model: Chain,
+    asked: Thresholds,
+    command: str,
 ) -> tuple[FoundEffect, ...]:
     """The effects that stand alone, each with the error before and after it was added, and as the model has them."""
     before, after = errors
@@ -214,16 +219,15 @@ def _found(
     found, reached = [], before
     for candidate in added:
         last = candidate.after is chosen.final
-        now = after if last else _errors_with(candidate.after, chosen.density, runs, command)
+        if last:
+            now = after
+        else:
+            now = errors_of(model_of(_last_fit(candidate.after, chosen.density, runs, asked), "step", command), runs)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
         place = EFFECT_OF[candidate.cause].place
         found.append(FoundEffect(candidate.cause, place, reached.test, now.test, own, _probability(candidate, chosen)))
         reached = now
     return tuple(found)
-
-
-def _errors_with(found: Hypothesis, density: str, runs: Sequence[RunData], command: str) -> Errors:
-    return errors_of(model_of(_last_fit(found, density, runs), "step", command), runs)
 
 
 def _probability(candidate: Candidate, chosen: Branch) -> float:

@@ -18,15 +18,15 @@ import numpy as np
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.errors import BenchError
 
 _KIND, _SPREADS = StrainPolarizationHysteresis.kind, ("spread_below", "spread_above")
 _APART = 0.75  # logarithm of the ratio of two widths next to each other
-_CLEAN = 1.02  # rms over noise of a run up to which no widths well apart are tried
 
 
-def from_elsewhere(found: Hypothesis) -> Hypothesis:
+def from_elsewhere(found: Hypothesis, asked: Thresholds) -> Hypothesis:
     """The best of a model and of what is found with one width and from three that are well apart.
 
     It is the model itself where that has no hysteresis of the strain with several widths.
@@ -37,7 +37,7 @@ def from_elsewhere(found: Hypothesis) -> Hypothesis:
     tried = [found]
     with suppress(BenchError):  # a model that cannot be evaluated there
         tried.append(finished(_fitted_beside(found, {places[field]: 0.0 for field in _SPREADS}), True))
-        if min(max(each.ratios) for each in tried) > _CLEAN:
+        if min(max(each.ratios) for each in tried) > asked.settled:
             tried.append(_fitted_from(found, _widths_apart(found)))
     return min(tried, key=lambda each: each.total)
 

@@ -22,6 +22,7 @@ from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.errors import BenchError
 
@@ -32,12 +33,13 @@ _IDENTIFIED_BY: dict[type, Callable[[Hypothesis, Progress], Hypothesis | None]] 
 }
 
 
-def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData]) -> Hypothesis:
-    """The model with its density identified anew, if that says more of the parts that choose; else as it is.
+def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData], asked: Thresholds) -> Hypothesis:
+    """The model from elsewhere, its density identified anew, where that leaves less of all parts; else as it is.
 
     Args:
         found: fitted to the parts that chose or not.
         runs: as they were divided.
+        asked: of an effect.
     """
     staged = found.staged
     identify = _IDENTIFIED_BY.get(type(staged.ceramic))
@@ -49,7 +51,7 @@ def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData]) -> Hyp
         return found
     best = begun
     with suppress(BenchError):  # what the effects leave of the drive or the readings may not tell a density
-        best = from_elsewhere(begun)
+        best = from_elsewhere(begun, asked)
         anew = identify(best, lambda text: None)
         best = min((best, anew), key=lambda each: each.total) if anew else best
     return found if best is begun else best

@@ -147,11 +147,12 @@ def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float
 def _scale_of(found: IdentifiedResult, model: Hypothesis) -> float:
     """What to multiply the polarization of an identified density by: displacement does not say how large it is.
 
-    It is as large as recorded, or else as the model had it before it was fitted: what is reversible may have grown to
-    twice its size for what the model lacks.
+    It is as large as recorded, or else as the model has it: one that was identified holds it, a declared one had it
+    before it was fitted, for what is reversible may have grown to twice its size for what the model lacks.
     """
     staged, problem = model.staged, found.problem
-    modelled = staged.polarizations(staged.start)
+    was_identified = isinstance(staged.ceramic, (FlexibleHysteresis, FlexiblePreisach))
+    modelled = staged.polarizations(model.vector if was_identified else staged.start)
     wanted = [_recorded(staged.runs[n]) if staged.runs[n].has_polarization else modelled[n] for n in staged.fitted]
     identified = problem.base.polarization(found.vector[: problem.law.start], problem.voltages(found.vector))
     return _span(wanted) / _span(identified)

@@ -32,7 +32,7 @@ class FlexiblePreisach(RateIndependentHysteresis):
         *,
         resolution: int,
         initial: str,
-        total: float = 0.26,
+        total: float,
     ) -> None:
         """As RateIndependentHysteresis, of runs that all begin in the state `initial`."""
         known = [False] * len(times)

@@ -77,7 +77,7 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     if _may_come_down(best.after, asked):
         places += off_bounds(best.after)
     if max(best.after.ratios) > asked.floor and best.after.fit.ratio <= asked.polishable:
-        places.append(from_elsewhere(best.after))
+        places.append(from_elsewhere(best.after, asked))
     lowest = min(places, key=lambda found: found.total)
     if lowest.fit.ratio <= asked.polishable:
         lowest = detailed(lowest, asked)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import importlib
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -198,6 +199,26 @@ def test_silence_of_runs_that_show_one_loop_names_what_it_may_hide(null: Report)
 def creeping() -> Report:
     train = [run(1, "slow_relaxation"), run(2, "slow_relaxation")]
     return diagnose(train, [run(3, "slow_relaxation")], declared(), profile=True)
+
+
+def test_intervals_are_those_of_the_last_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They were those of the fit before: that may have parameters which the model does not have any more."""
+    module = importlib.import_module("pzt_ros.diagnosis.diagnose")
+    last_fit = module._last_fit
+    fits: list[Hypothesis] = []
+    asked: list[Hypothesis] = []
+
+    def fitted_for_the_last_time(*given: Any) -> Hypothesis:
+        fits.append(dataclasses.replace(last_fit(*given)))
+        return fits[-1]
+
+    monkeypatch.setattr(module, "_last_fit", fitted_for_the_last_time)
+    monkeypatch.setattr(module, "note_intervals", lambda report, final: asked.append(final))
+    train = [run(1, "slow_relaxation"), run(2, "slow_relaxation")]
+    diagnose(train, [run(3, "slow_relaxation")], declared(), workers=IN_THIS_PROCESS, profile=True)
+    assert len(asked) == 1
+    assert asked[0] is fits[1]  # the first is without the effect
+    assert asked[0].effects == ("slow_relaxation",)
 
 
 def test_says_that_nothing_is_missing_where_nothing_is(null: Report) -> None:
@@ -569,7 +590,7 @@ def test_density_identified_beside_effects_is_taken_where_it_says_more(
     base = hypothesis("slow_relaxation")
     found = found_in_turn(base, "slow_relaxation")[0].accepted[0].after
     seen, runs = fitted_to_all(found), found.staged.runs
-    assert identified_beside_effects(seen, runs) is seen  # a declared density is as it was declared
+    assert identified_beside_effects(seen, runs, Thresholds()) is seen  # a declared density is as it was declared
     former: list[Hypothesis] = []
 
     def anew(asked: Hypothesis, progress: object) -> Any:
@@ -577,11 +598,11 @@ def test_density_identified_beside_effects_is_taken_where_it_says_more(
         return SimpleNamespace(total=left * asked.total)
 
     monkeypatch.setitem(final_fit._IDENTIFIED_BY, type(found.staged.ceramic), anew)
-    taken = identified_beside_effects(seen, runs)
+    taken = identified_beside_effects(seen, runs, Thresholds())
     assert (taken is not seen) == is_taken
     assert former[0].choosing == found.choosing
     assert former[0].effects == ("slow_relaxation",)
-    assert identified_beside_effects(base, runs) is base  # it has no effects
+    assert identified_beside_effects(base, runs, Thresholds()) is base  # it has no effects
     assert len(former) == 1
 
 

@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.elsewhere import from_elsewhere
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.screen import Screen
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.physics.chain import Chain
@@ -81,7 +82,7 @@ def hypothesis(plays: tuple[float, ...]) -> Hypothesis:
 
 def test_one_play_is_not_left_as_three() -> None:
     begun = begun_at(hypothesis((1.0,)), 1.0, (0.4, 0.3))
-    found = from_elsewhere(begun)
+    found = from_elsewhere(begun, Thresholds())
     link = found_in(found)
     assert (link.spread_below, link.spread_above) == (0.0, 0.0)
     assert not [each for each in found.staged.coordinates if each.field.startswith("spread")]
@@ -92,7 +93,7 @@ def test_one_play_is_not_left_as_three() -> None:
 def test_three_plays_are_not_left_as_two() -> None:
     """A court case: of the right three widths a density took the place, and the third was more than twice as wide."""
     begun = begun_at(hypothesis((0.4, 1.0, 1.8)), 0.6, (0.0, 0.9))
-    found = from_elsewhere(begun)
+    found = from_elsewhere(begun, Thresholds())
     link = found_in(found)
     assert link.turn_width == pytest.approx(WIDTH, rel=0.05)
     assert link.polarization_lead == pytest.approx(LEAD, rel=0.05)
@@ -103,6 +104,6 @@ def test_three_plays_are_not_left_as_two() -> None:
 
 def test_what_has_no_widths_is_left_as_it_is() -> None:
     begun = hypothesis((1.0,))
-    assert from_elsewhere(begun) is begun
-    plain = from_elsewhere(begun_at(begun, 1.0, (0.4, 0.3)))
-    assert from_elsewhere(plain) is plain
+    assert from_elsewhere(begun, Thresholds()) is begun
+    plain = from_elsewhere(begun_at(begun, 1.0, (0.4, 0.3)), Thresholds())
+    assert from_elsewhere(plain, Thresholds()) is plain

@@ -29,7 +29,7 @@ HUM = Spec("effect_wrong", "play_sum", ("mains_hum",), 5.0, "short", seed=6)
 
 
 def ceramic() -> FlexiblePreisach:
-    return FlexiblePreisach([np.arange(9.0)], 1e-4, (-0.5e6, 1.5e6), resolution=4, initial="virgin")
+    return FlexiblePreisach([np.arange(9.0)], 1e-4, (-0.5e6, 1.5e6), resolution=4, initial="virgin", total=0.26)
 
 
 @pytest.mark.parametrize(("left", "named"), [(1.4, True), (1.6, False), (3.0, False), (5.0, False)])

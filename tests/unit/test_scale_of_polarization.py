@@ -42,6 +42,8 @@ def test_it_is_as_large_as_declared(model: Hypothesis, identify) -> None:  # typ
     found = identify(model, lambda text: None)
     assert span(found) == pytest.approx(span(model, model.staged.start), rel=0.02)
     assert found.fit.ratio < model.fit.ratio
+    again = identify(found, lambda text: None)
+    assert span(again) == pytest.approx(span(found), rel=0.02)
 
 
 def test_it_is_as_large_as_recorded(model: Hypothesis) -> None:
