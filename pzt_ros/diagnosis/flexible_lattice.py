@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
+from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.identified import SUSCEPTIBILITY, IdentifiedHysteresis
 from pzt_ros.sysid.run import Start
@@ -20,6 +22,25 @@ from pzt_ros.sysid.thinning import thinned_for_both
 
 _FEWER = 0.5  # share of a run's samples from which two passes over those take as long as one over all
 _REMEMBERED = 24  # polarizations at other voltages and vectors
+
+
+@dataclass(frozen=True)
+class _Tangent:
+    """What a fit goes along.
+
+    Attributes:
+        vector: where it was taken.
+        voltages: of every run there [V, each shape (n,)].
+        link: the lattice there.
+        polarizations: of every run there [C/m^2, each shape (n,)].
+        columns: dP/dvector of every run [each shape (n, p), float32].
+    """
+
+    vector: Array
+    voltages: list[Array]
+    link: IdentifiedLattice
+    polarizations: list[Array]
+    columns: list[Array]
 
 
 class FlexibleHysteresis(IdentifiedHysteresis):
@@ -34,8 +55,7 @@ class FlexibleHysteresis(IdentifiedHysteresis):
     far = math.inf  # how far the tangent is off depends on how far the search went
     knows_no_rate = False
 
-    _at: tuple[Array, list[Array], list[Array], list[Array]] | None = None
-    """Where the tangent was taken: vector, voltages, polarizations, columns of every run."""
+    _at: _Tangent | None = None
 
     def for_one_search(self) -> FlexibleHysteresis:
         """Itself: it remembers nothing that another search would not find."""
@@ -45,7 +65,7 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         """A copy that goes along the tangent taken here."""
         found = copy.copy(self)
         polarizations, columns = IdentifiedHysteresis.tangent(self, vector, voltages)
-        found._at = (vector.copy(), list(voltages), polarizations, columns)
+        found._at = _Tangent(vector.copy(), list(voltages), self.link(vector), polarizations, columns)
         found._known = Remembered(_REMEMBERED)
         return found
 
@@ -60,44 +80,40 @@ class FlexibleHysteresis(IdentifiedHysteresis):
         """P of each run whose voltage is given and how it changes with every unknown."""
         if self._at is None:
             return super().tangent(vector, voltages)
-        columns = [self._at[3][number] for number, voltage in enumerate(voltages) if voltage.size]
+        columns = [self._at.columns[number] for number, voltage in enumerate(voltages) if voltage.size]
         return self.polarization(vector, voltages), columns
 
     def _moved(self, number: int, vector: Array) -> Array:
         """How P of a run changes on the way to a vector; in float32, as the tangent: 1e-7 of a small step."""
         assert self._at is not None
-        at, columns = self._at[0], self._at[3][number]
+        at, columns = self._at.vector, self._at.columns[number]
         key = b"moved %d " % number + vector.tobytes()
         return self._known.get(key, lambda: (columns @ (vector - at).astype(columns.dtype)).astype(float))
 
     def _here(self, number: int, voltage: Array) -> Array:
         """P of a run where the tangent was taken, at a voltage that may be another."""
         assert self._at is not None
-        vector, voltages, polarizations, _ = self._at
-        if voltage is voltages[number] or np.array_equal(voltage, voltages[number]):
-            return polarizations[number]
+        at = self._at
+        if voltage is at.voltages[number] or np.array_equal(voltage, at.voltages[number]):
+            return at.polarizations[number]
         key = b"%d " % number + voltage.tobytes()  # two runs may have one drive and other starts
-        return self._known.get(key, lambda: polarizations[number] + self._changed(number, vector, voltage))
+        return self._known.get(key, lambda: at.polarizations[number] + self._changed(at, number, voltage))
 
-    def _changed(self, number: int, vector: Array, voltage: Array) -> Array:
+    def _changed(self, at: _Tangent, number: int, voltage: Array) -> Array:
         """How P of a run changes with another voltage, to about 1 % of that."""
-        assert self._at is not None
-        time, here = self.times[number], self._at[1][number]
+        time, here = self.times[number], at.voltages[number]
         kept = thinned_for_both(time, here, voltage)
         if kept.size > _FEWER * time.size:
-            return self._on_fewer(number, vector, voltage, np.arange(time.size)) - self._at[2][number]
-        there = self._on_fewer(number, vector, voltage, kept)
+            return self._on_fewer(at, number, voltage, np.arange(time.size)) - at.polarizations[number]
+        there = self._on_fewer(at, number, voltage, kept)
         key = b"before %d " % number + kept.tobytes()
-        before = self._known.get(key, lambda: self._on_fewer(number, vector, here, kept))
-        reversible = vector[SUSCEPTIBILITY] / self.layer_thickness * (voltage - here)
+        before = self._known.get(key, lambda: self._on_fewer(at, number, here, kept))
+        reversible = at.vector[SUSCEPTIBILITY] / self.layer_thickness * (voltage - here)
         return reversible + np.interp(time, time[kept], there - before - reversible[kept])
 
-    def _on_fewer(self, number: int, vector: Array, voltage: Array, kept: NDArray[np.intp]) -> Array:
+    def _on_fewer(self, at: _Tangent, number: int, voltage: Array, kept: NDArray[np.intp]) -> Array:
         """P of a run at the samples that are kept, from the drive at those."""
-        fewer = copy.copy(self)
-        fewer.times = [each[kept] if other == number else each for other, each in enumerate(self.times)]
-        alone = [voltage[kept] if other == number else np.empty(0) for other in range(len(self.times))]
-        return IdentifiedHysteresis.polarization(fewer, vector, alone)[0]
+        return self._run(at.link, at.vector, number, self.times[number][kept], voltage[kept])
 
     _known: Remembered[Array]
 

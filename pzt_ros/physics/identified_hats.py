@@ -7,6 +7,7 @@ neighbour on the diagonal, so that the hats still sum to 1 everywhere, none is n
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -49,13 +50,19 @@ def nodes_of(size: int) -> list[tuple[int, int]]:
 
 def relay_thresholds(lines: Array) -> tuple[Array, Array]:
     """Thresholds up and down of every relay, in the kernel's order [shape (n*n//4,)]."""
-    pairs = [(i, j) for i in range(1, lines.size) for j in range((i + 1) % 2, i, 2)]
-    up, down = np.array(pairs, dtype=np.int64).T
+    up, down = _relay_lines(lines.size)
     return lines[up], lines[down]
 
 
+@lru_cache(maxsize=8)
+def _relay_lines(count: int) -> NDArray[np.int64]:
+    """Numbers of the lines where every relay switches up and down [shape (2, n*n//4)]."""
+    pairs = [(i, j) for i in range(1, count) for j in range((i + 1) % 2, i, 2)]
+    return np.array(pairs, dtype=np.int64).T
+
+
 @njit(cache=True, error_model="numpy", fastmath=True)
-def accumulate(values, hats, work, sums):  # type: ignore[no-untyped-def]
+def accumulate(values, hats, work, sums, first_row=0, end_column=1 << 30):  # type: ignore[no-untyped-def]
     """Sum over relays of hat times value, for every node.
 
     First along a into whole rows, which is SIMD, then along b.
@@ -65,11 +72,13 @@ def accumulate(values, hats, work, sums):  # type: ignore[no-untyped-def]
         hats: the coarse grid.
         work: shape (N, 2, (n + 1)//2).
         sums: filled [shape (nodes,), float32 or float64].
+        first_row, end_column: relays in rows before, and in columns from there on, are left out.
     """
     n = hats.cell.size
     work[:] = 0.0
-    for i in range(1, n):
-        begin, count, odd = i * i // 4, (i + 1) // 2, (i + 1) % 2
+    for i in range(max(first_row, 1), n):
+        begin, odd = i * i // 4, (i + 1) % 2
+        count = (min(i, end_column) - odd + 1) // 2
         r = values[begin : begin + count]
         s = hats.share[i]
         below = work[hats.cell[i], odd, :count]
@@ -78,7 +87,7 @@ def accumulate(values, hats, work, sums):  # type: ignore[no-untyped-def]
             below[k] += (1.0 - s) * r[k]
             above[k] += s * r[k]
     table = np.zeros((hats.size + 1, hats.size))  # (down, up), so that the inner loop is SIMD
-    for j in range(n):
+    for j in range(min(n, end_column)):
         t = hats.share[j]
         here, after = table[hats.cell[j]], table[hats.cell[j] + 1]
         for up in range(hats.cell[j], hats.size):

@@ -238,6 +238,25 @@ def settle(state, left, relays, duration):  # type: ignore[no-untyped-def]
     advance(state[HEAD:], left, relays, work, field, field, duration)
 
 
+@njit(cache=True, error_model="numpy")
+def _surely(work):  # type: ignore[no-untyped-def]
+    """Every x is 1 in the rows before the first number, and 0 in the columns from the second on."""
+    known = work[KNOWN]
+    if math.isnan(known[0]):
+        return 0, work.shape[1]
+    return int(known[1]), int(known[2])
+
+
+@njit(cache=True, error_model="numpy")
+def _sums_of_ones(hats, work):  # type: ignore[no-untyped-def]
+    """Sum of every hat over the relays in the rows before each line [-, shape (n + 1, nodes)]."""
+    n = hats.cell.size
+    ones, sums = np.ones(n * n // 4), np.zeros((n + 1, hats.size * (hats.size + 1) // 2))
+    for first_row in range(n):
+        accumulate(ones, hats, work, sums[first_row], first_row)
+    return sums[0] - sums
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def run_columns(state, left, relays, time, voltage, polarization, columns, hats, hats_at, starts, starts_at):  # type: ignore[no-untyped-def]
     """As `run`, and what polarization is made of.
@@ -255,14 +274,16 @@ def run_columns(state, left, relays, time, voltage, polarization, columns, hats,
     hats_to = hats_at + hats.size * (hats.size + 1) // 2
     starts_to = starts_at + starts.size * (starts.size + 1) // 2
     weights = relays.weight.sum()
-    remains = np.empty_like(left)
+    remains, all_up = np.empty_like(left), _sums_of_ones(hats, hat_work)
     for k in range(time.size):
         if not _is_usable(time[k], voltage[k], state, relays):
             return k
         _sample(state, left, relays, work, time[k], voltage[k])
         switched = weighted_sum(state[HEAD:], relays.weight)
         polarization[k] = _polarization(switched, weights, voltage[k] / relays.layer_thickness, relays)
-        accumulate(state[HEAD:], hats, hat_work, columns[k, hats_at:hats_to])
+        ones, zeros = _surely(work)
+        accumulate(state[HEAD:], hats, hat_work, columns[k, hats_at:hats_to], ones, zeros)
+        columns[k, hats_at:hats_to] += all_up[ones]
         if left.size > 0:
             remains[:] = left * relays.weight
             accumulate(remains, starts, start_work, columns[k, starts_at:starts_to])

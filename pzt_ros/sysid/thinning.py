@@ -13,6 +13,8 @@ from pzt_ros.physics.signals import Array
 
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage
 _FEWEST = 1500  # samples that are kept at least, holds too
+_TOLERANCE_OF_POLARIZATION = 0.0002  # of its range
+_TOLERANCE_OF_POLARIZATION = 0.0002  # of its range
 _STEP_OF_CHANGE, _TOLERANCE_OF_CHANGE = 0.1, 0.02  # of the range of how one drive differs from another
 
 
@@ -62,6 +64,19 @@ def thinned_for_both(time: Array, voltage: Array, other: Array) -> NDArray[np.in
     if np.max(np.abs(between - change)) <= _TOLERANCE_OF_CHANGE * np.ptp(change):
         return kept
     return np.union1d(kept, _thinned(time, change, _STEP_OF_CHANGE, _TOLERANCE_OF_CHANGE))
+
+
+def telling_samples(time: Array, voltage: Array, step: float, polarization: Array) -> NDArray[np.intp]:
+    """Samples between which drive and polarization go straight, and so does what a change of kinetics adds to it.
+
+    Args:
+        time, voltage, polarization: of the run [s, V, C/m^2].
+        step: largest step of voltage between two of them, where the run has smaller ones [V].
+    """
+    span, gap = float(np.ptp(voltage)), float(time[-1] - time[0]) / _FEWEST
+    driven = kept_samples(time, voltage, step, gap, _TOLERANCE * span)
+    told = kept_samples(time, polarization, math.inf, gap, _TOLERANCE_OF_POLARIZATION * float(np.ptp(polarization)))
+    return np.union1d(driven, told)
 
 
 def _thinned(time: Array, signal: Array, step: float, tolerance: float) -> NDArray[np.intp]:

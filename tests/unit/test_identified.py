@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,6 +66,34 @@ def test_columns_are_the_derivatives() -> None:
             expected = (above - below) / (2.0 * step)
             size = max(np.max(np.abs(expected)), 1e-6)
             np.testing.assert_allclose(jacobian[:, column], expected, rtol=0, atol=2e-3 * size, err_msg=name)
+
+
+def test_columns_of_the_kinetics_take_few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a densely sampled run with slow legs, steps and holds; against differences at all samples."""
+    time = np.arange(0.0, 8.0, 1e-3)
+    voltage = 60.0 - 60.0 * np.cos(1.5 * time) + np.where(time > 5.0, 30.0 * np.sin(7.0 * (time - 5.0)), 0.0)
+    voltage[6500:7200], voltage[7200:] = 50.0, 90.0
+    base = IdentifiedHysteresis([time], THICKNESS, (0.0, 1.5e6), unknown_start=[False], resolution=6)
+    vector = base.start.copy()
+    vector[LOG_TIME] = math.log(0.02)  # felt in the holds
+    asked: list[int] = []
+    run = IdentifiedHysteresis._run
+
+    def counted(self: IdentifiedHysteresis, *given: Any) -> Array:
+        asked.append(given[-1].size)
+        return run(self, *given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(IdentifiedHysteresis, "_run", counted)
+        _, (jacobian,) = base.tangent(vector, [voltage])
+    assert max(asked) < 0.4 * time.size
+    for column in (LOG_TIME, LOG_WIDTH):
+        up, down = vector.copy(), vector.copy()
+        up[column] += 1e-3
+        down[column] -= 1e-3
+        expected = (base.polarization(up, [voltage])[0] - base.polarization(down, [voltage])[0]) / 2e-3
+        assert np.max(np.abs(jacobian[:, column] - expected)) < 0.02 * np.max(np.abs(expected))
+        assert np.std(jacobian[:, column] - expected) < 0.003 * np.std(expected)
 
 
 def test_link_says_what_was_fitted() -> None:

@@ -155,6 +155,18 @@ def test_hats_sum_to_one_and_transpose(count: int) -> None:
     assert values @ other == pytest.approx(one @ sums, rel=1e-12)
 
 
+@pytest.mark.parametrize(("first_row", "end_column"), [(0, 18), (5, 11), (18, 0), (17, 1), (3, 3)])
+def test_sums_over_hats_may_leave_out_what_is_zero(first_row: int, end_column: int) -> None:
+    lines = np.linspace(-0.95, 0.95, 18)
+    hats = hats_of(lines, np.array([-1.0, -0.4, 0.1, 1.0]))
+    up, down = relay_thresholds(np.arange(18.0))
+    values = np.random.default_rng(2).normal(size=up.size)
+    work, some, all_of_them = np.zeros((4, 2, 9)), np.empty(10), np.empty(10)
+    accumulate(values, hats, work, some, first_row, end_column)
+    accumulate(np.where((up >= first_row) & (down < end_column), values, 0.0), hats, work, all_of_them)
+    np.testing.assert_allclose(some, all_of_them, rtol=0, atol=1e-13)
+
+
 def test_relays_are_the_midpoints_of_a_lattice() -> None:
     up, down = relay_thresholds(np.arange(8.0))
     assert up.size == 16
