@@ -28,15 +28,21 @@ _RIVAL = 0.6  # of the best one's gain
 _AT_BOUND = 1e-6  # of the way to the other bound
 
 
-def refit(prospect: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
-    """The best from where a prospect begins, and from where it was refined from; None where none is possible."""
-    found = []
-    for begin in (prospect, prospect.coarse):
-        with suppress(BenchError):
-            if begin is not None:
-                names = (*effects, begin.effect.name)
-                found.append(fitted(begin.staged, begin.best_start(), names, REFIT_STEPS))
-    return min(found, key=lambda each: each.total, default=None)
+def refits(prospects: Sequence[Prospect], effects: tuple[str, ...], workers: Workers) -> list[Hypothesis | None]:
+    """Of each the best from where it begins, and from where it was refined from; None where none is possible."""
+    begins = [(n, each) for n, p in enumerate(prospects) for each in (p, p.coarse) if each is not None]
+    found = list(workers.map(_refit, [begin for _, begin in begins], repeat(effects)))
+    reached = [
+        [there for (of, _), there in zip(begins, found, strict=True) if of == n and there]
+        for n in range(len(prospects))
+    ]
+    return [min(each, key=lambda there: there.total, default=None) for each in reached]
+
+
+def _refit(begin: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
+    with suppress(BenchError):
+        return fitted(begin.staged, begin.best_start(), (*effects, begin.effect.name), REFIT_STEPS)
+    return None
 
 
 def seen_as(before: Hypothesis, prospect: Prospect) -> Hypothesis:
@@ -103,11 +109,14 @@ def taken_on(found: Hypothesis, asked: Thresholds) -> Hypothesis:
 
 def stiffened(weak: Hypothesis, asked: Thresholds) -> Hypothesis:
     """With a stronger prior on the density where that predicts better: without its effect, it had to bend for that."""
-    tried = [weak]
-    for ceramic in weak.staged.ceramic.stiffer() if _may_come_down(weak, asked) else ():
-        held = fitted(replace(weak.staged, ceramic=ceramic), weak.vector, weak.effects, 0)
-        tried.append(finished(held, True))
-    return min(tried, key=lambda found: found.total)
+    best = weak
+    may_predict_better = bool(weak.choosing) and _may_come_down(weak, asked)
+    for ceramic in weak.staged.ceramic.stiffer() if may_predict_better else ():
+        held = finished(fitted(replace(weak.staged, ceramic=ceramic), weak.vector, weak.effects, 0), True)
+        if held.total >= best.total:  # a prior that is stronger still predicts no better, either
+            break
+        best = held
+    return best
 
 
 def off_bounds(found: Hypothesis) -> list[Hypothesis]:

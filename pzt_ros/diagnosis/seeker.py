@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain, repeat
+from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,14 +16,18 @@ from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.judge import Judge
-from pzt_ros.diagnosis.refinement import refit, rivals_of, seen_as
+from pzt_ros.diagnosis.refinement import refits, rivals_of, seen_as
 from pzt_ros.diagnosis.screen import Prospect, Screen
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
-from pzt_ros.parallel import IN_THIS_PROCESS, Workers
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers, own_threads, threads
 
+_NO_START = "no start of it can be evaluated on these runs"
+_AT_ONCE = 2  # effects that are screened
+_Item = TypeVar("_Item")
+_Found = TypeVar("_Found")
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
 
@@ -103,20 +108,16 @@ class Seeker(Judge):
         """
         self.progress(f"screening {len(self.effects)} effects" + before.beside)
         screen = Screen(seen_from)
-        refused: dict[str, str] = {}
-        prospects: list[Prospect] = []
-        for effect in self.effects:
-            reason = self._why_not(effect, before)
-            prospect = None if reason else screen.best(effect)
-            if prospect is None:
-                refused[effect.name] = reason or "no start of it can be evaluated on these runs"
-            else:
-                prospects.append(prospect)
-        prospects.sort(key=_left)
+        reasons = {effect.name: self._why_not(effect, before) for effect in self.effects}
+        refused = {name: reason for name, reason in reasons.items() if reason}
+        asked = [effect for effect in self.effects if not reasons[effect.name]]
+        seen = _side_by_side(screen.best, asked)
+        refused.update({e.name: _NO_START for e, prospect in zip(asked, seen, strict=True) if prospect is None})
+        prospects = sorted((prospect for prospect in seen if prospect is not None), key=_left)
         near = self.thresholds.refits + _MORE
-        sought = [p.effect.limits or (n < near and self._is_worth(before, p)) for n, p in enumerate(prospects)]
-        prospects = [screen.refined(p) if wanted else p for p, wanted in zip(prospects, sought, strict=True)]
-        prospects.sort(key=_left)
+        sought = [p for n, p in enumerate(prospects) if p.effect.limits or (n < near and self._is_worth(before, p))]
+        refined = dict(zip((p.effect.name for p in sought), _side_by_side(screen.refined, sought), strict=True))
+        prospects = sorted((refined.get(p.effect.name, p) for p in prospects), key=_left)
         worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
         for prospect in prospects:
             if prospect not in worth[: self.thresholds.refits]:
@@ -141,7 +142,7 @@ class Seeker(Judge):
             return []
         names = [prospect.effect.name for prospect in prospects]
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + before.beside)
-        begun = list(self.workers.map(refit, prospects, repeat(before.effects)))
+        begun = refits(prospects, before.effects, self.workers)
         afters = self._from_the_best(before, prospects, begun)
         tried = [(prospect, after) for prospect, after in zip(prospects, afters, strict=True) if after]
         found = [Candidate(prospect.effect.name, seen_as(before, prospect), after) for prospect, after in tried]
@@ -155,8 +156,8 @@ class Seeker(Judge):
         self, before: Hypothesis, prospects: Sequence[Prospect], afters: Sequence[Hypothesis | None]
     ) -> list[Hypothesis | None]:
         """Refits that hardly left the base begin again where the best went: that another did is none of its merits."""
-        refits = [after for after in afters if after]
-        best = min(refits, key=lambda after: after.total, default=before)
+        reached = [after for after in afters if after]
+        best = min(reached, key=lambda after: after.total, default=before)
 
         def stuck(prospect: Prospect, after: Hypothesis | None) -> bool:
             promised, gained = before.total - prospect.total, before.total - (after or before).total
@@ -165,10 +166,16 @@ class Seeker(Judge):
         again = [n for n, pair in enumerate(zip(prospects, afters, strict=True)) if stuck(*pair)]
         there = [prospects[n].beginning_at(best.vector[: before.vector.size]) for n in again]
         found = list(afters)
-        for n, after in zip(again, self.workers.map(refit, there, repeat(before.effects)), strict=True):
+        for n, after in zip(again, refits(there, before.effects, self.workers), strict=True):
             if after and after.total < (found[n] or before).total:
                 found[n] = after
         return found
+
+
+def _side_by_side(function: Callable[[_Item], _Found], items: Sequence[_Item]) -> list[_Found]:
+    """In threads of this process: what a screen knows is too much to be sent."""
+    with threads(own_threads(_AT_ONCE)) as pool:
+        return list(pool.map(function, items))
 
 
 def _left(prospect: Prospect) -> float:

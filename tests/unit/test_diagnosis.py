@@ -43,7 +43,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.page import write_page
-from pzt_ros.diagnosis.refinement import detailed, off_bounds, refit
+from pzt_ros.diagnosis.refinement import detailed, off_bounds, refits
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Prospect, Screen, _at_bound, _bounded
 from pzt_ros.diagnosis.search import Search
@@ -517,7 +517,8 @@ def test_where_the_screen_ran_into_a_bound_a_refit_begins_from_before_it_too() -
     assert not _at_bound(added, coarse.link)
     hum = screen.best(EFFECT_OF["mains_hum"])
     assert hum is not None
-    alone, best, both = (refit(each, ()) for each in (hum, coarse, dataclasses.replace(hum, coarse=coarse)))
+    places = [hum, coarse, dataclasses.replace(hum, coarse=coarse)]
+    alone, best, both = refits(places, (), IN_THIS_PROCESS)
     assert alone is not None
     assert best is not None
     assert both is not None

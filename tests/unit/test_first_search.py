@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import branches, flexible, judge, seeker
+from pzt_ros.diagnosis import branches, flexible, judge, refinement, seeker
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
@@ -335,6 +335,37 @@ def test_beside_one_that_leaves_far_less_another_does_not_tie_for_what_is_left(
     assert Search(Thresholds().on_all_seen()).is_as_good(bias, drift) is tied
 
 
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """A model whose density is held so firmly, or may be held more firmly."""
+
+    ceramic: Any
+
+
+@pytest.mark.parametrize(
+    ("choosing", "left", "tried", "best"),
+    [([0], {10: 1.1, 100: 1.12}, [10, 100], 10), ([0], {10: 1.4, 100: 1.1}, [10], 1), ([], {10: 1.1, 100: 1.1}, [], 1)],
+)
+def test_a_density_is_held_more_firmly_for_as_long_as_that_predicts_better(
+    monkeypatch: pytest.MonkeyPatch, choosing: list[int], left: dict[int, float], tried: list[int], best: int
+) -> None:
+    """A rival of a name that all agreed on took half a minute; where nothing chooses, there is nothing to predict."""
+    weak, seen = leaving(1.2, 1.3), []
+    weak.choosing, weak.vector = choosing, np.zeros(1)
+    weak.staged = Held(SimpleNamespace(strength=1, stiffer=lambda: [SimpleNamespace(strength=each) for each in left]))
+
+    def refitted(staged: Held, *_: Any) -> Any:
+        seen.append(staged.ceramic.strength)
+        held = leaving(left[staged.ceramic.strength], left[staged.ceramic.strength])
+        held.staged = staged
+        return held
+
+    monkeypatch.setattr(refinement, "fitted", refitted)
+    monkeypatch.setattr(refinement, "finished", lambda found, further: found)
+    assert refinement.stiffened(weak, Thresholds()).staged.ceramic.strength == best
+    assert seen == tried
+
+
 @pytest.mark.parametrize(("promised", "again"), [(2.5, True), (7.8, False)])
 def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
     monkeypatch: pytest.MonkeyPatch, promised: float, again: bool
@@ -344,11 +375,11 @@ def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
     before.vector, best.vector = np.array([0.0, 0.0]), np.array([3.0, 4.0, 9.0])
     begun: list[list[float]] = []
 
-    def fitted(prospect: Any, effects: tuple[str, ...]) -> Any:
-        begun.append(prospect.start.tolist())
-        return leaving(1.0, 1.0)
+    def fitted(prospects: list[Any], effects: tuple[str, ...], workers: Any) -> list[Any]:
+        begun.extend(each.start.tolist() for each in prospects)
+        return [leaving(1.0, 1.0) for _ in prospects]
 
-    monkeypatch.setattr(seeker, "refit", fitted)
+    monkeypatch.setattr(seeker, "refits", fitted)
     empty = np.zeros(2)
     mode = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.5]), 2.5)  # type: ignore[arg-type]
     lag = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.7]), promised)  # type: ignore[arg-type]
