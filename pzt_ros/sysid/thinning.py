@@ -14,7 +14,6 @@ from pzt_ros.physics.signals import Array
 _STEP, _TOLERANCE = 0.02, 0.0005  # of the range of voltage
 _FEWEST = 1500  # samples that are kept at least, holds too
 _TOLERANCE_OF_POLARIZATION = 0.0002  # of its range
-_TOLERANCE_OF_POLARIZATION = 0.0002  # of its range
 _STEP_OF_CHANGE, _TOLERANCE_OF_CHANGE = 0.1, 0.02  # of the range of how one drive differs from another
 
 
