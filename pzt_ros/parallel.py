@@ -10,7 +10,7 @@ import importlib
 import multiprocessing
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -29,6 +29,7 @@ PATIENCE = 10.0
 _MOST_THREADS = 4  # candidates that a diagnosis refits at once
 _MATTERS = ("pzt_ros", "numpy", "scipy", "numba")  # packages whose version changes results, or whether pickles load
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _alone = False  # whether this process is one of several that share the cores
@@ -107,6 +108,12 @@ def one_blas_thread() -> Iterator[None]:
 def own_threads(count: int) -> int:
     """How many of `count` threads a computation may start."""
     return 1 if _alone else count
+
+
+def side_by_side(function: Callable[[Item], Result], items: Sequence[Item], jobs: int) -> list[Result]:
+    """`function` of each item, in as many threads of this process as it may start: for what is too much to be sent."""
+    with threads(own_threads(min(jobs, len(items)))) as pool:
+        return list(pool.map(function, items))
 
 
 def _stay_on_one_core() -> dict[str, str]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import TypeVar
 
 import numpy as np
 
@@ -22,12 +21,10 @@ from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
 from pzt_ros.errors import BenchError
-from pzt_ros.parallel import IN_THIS_PROCESS, Workers, own_threads, threads
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers, side_by_side
 
 _NO_START = "no start of it can be evaluated on these runs"
 _AT_ONCE = 2  # effects that are screened
-_Item = TypeVar("_Item")
-_Found = TypeVar("_Found")
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
 
@@ -111,12 +108,14 @@ class Seeker(Judge):
         reasons = {effect.name: self._why_not(effect, before) for effect in self.effects}
         refused = {name: reason for name, reason in reasons.items() if reason}
         asked = [effect for effect in self.effects if not reasons[effect.name]]
-        seen = _side_by_side(screen.best, asked)
+        seen = side_by_side(screen.best, asked, _AT_ONCE)
         refused.update({e.name: _NO_START for e, prospect in zip(asked, seen, strict=True) if prospect is None})
         prospects = sorted((prospect for prospect in seen if prospect is not None), key=_left)
         near = self.thresholds.refits + _MORE
         sought = [p for n, p in enumerate(prospects) if p.effect.limits or (n < near and self._is_worth(before, p))]
-        refined = dict(zip((p.effect.name for p in sought), _side_by_side(screen.refined, sought), strict=True))
+        refined = dict(
+            zip((p.effect.name for p in sought), side_by_side(screen.refined, sought, _AT_ONCE), strict=True)
+        )
         prospects = sorted((refined.get(p.effect.name, p) for p in prospects), key=_left)
         worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
         for prospect in prospects:
@@ -170,12 +169,6 @@ class Seeker(Judge):
             if after and after.total < (found[n] or before).total:
                 found[n] = after
         return found
-
-
-def _side_by_side(function: Callable[[_Item], _Found], items: Sequence[_Item]) -> list[_Found]:
-    """In threads of this process: what a screen knows is too much to be sent."""
-    with threads(own_threads(_AT_ONCE)) as pool:
-        return list(pool.map(function, items))
 
 
 def _left(prospect: Prospect) -> float:

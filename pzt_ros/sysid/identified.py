@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pzt_ros.errors import BenchError
-from pzt_ros.parallel import own_threads, threads
+from pzt_ros.parallel import side_by_side
 from pzt_ros.physics import identified_lattice_kernel as kernel
 from pzt_ros.physics.identified_hats import accumulate, hat_sums, hats_of, node_count, nodes_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
@@ -274,8 +274,7 @@ class IdentifiedHysteresis:
         return polarization
 
     def _together(self, tasks: Sequence[Callable[[], Array]]) -> list[Array]:
-        with threads(own_threads(min(self.workers, len(tasks)))) as pool:
-            return list(pool.map(lambda task: task(), tasks))
+        return side_by_side(lambda task: task(), tasks, self.workers)
 
     def _rest(self, vector: Array, run: int, voltages: Array) -> Rest:
         """What a run starts from."""
