@@ -146,11 +146,11 @@ def exact(found: Hypothesis) -> Hypothesis:
     A fit along a tangent may promise what the model does not keep, so a step that makes it worse is taken back. Where
     the misfit is far larger than what the ceramic is off by, it stays as it is.
     """
-    if found.fit.ratio > found.staged.ceramic.far:
+    if found.fit.ratio > found.staged.far:
         return found
     best = _exact_here(found)
     for count in range(_MOST_CORRECTIONS):
-        if best.staged.ceramic is found.staged.ceramic or (count >= _CORRECTIONS and not _creeps(best)):
+        if best is found or (count >= _CORRECTIONS and not _creeps(best)):
             break
         moved = fitted(best.staged, best.vector, best.effects, _STEPS)
         if np.max(np.abs(moved.solution.vector - best.solution.vector)) < _STAYS:
@@ -168,9 +168,9 @@ def _creeps(found: Hypothesis) -> bool:
 
 
 def _exact_here(found: Hypothesis) -> Hypothesis:
-    """The hypothesis as it is, its ceramic exact there; itself where its ceramic is exact everywhere."""
+    """The hypothesis as it is, exact there; itself where it is exact everywhere."""
     staged = found.staged.exact_at(found.vector)
-    if staged.ceramic is found.staged.ceramic:
+    if staged is found.staged:
         return found
     return fitted(staged, found.vector, found.effects, most_steps=0)
 

@@ -21,7 +21,7 @@ from pzt_ros.diagnosis.coordinates import Coordinate, coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SELECTION, seen_through
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.staged import Staged
-from pzt_ros.effects.effect import AT_COMMAND, AT_FIELD, Effect, GoesOn
+from pzt_ros.effects.effect import Effect, GoesOn
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
@@ -178,7 +178,7 @@ class Screen:
         do nothing, or too much, but in a narrow range that is easily missed.
         """
         effect = prospect.effect
-        is_slow = effect.place in (AT_COMMAND, AT_FIELD)
+        is_slow = prospect.staged.is_before(effect.name)
         added = prospect.staged.coordinates[len(self.hypothesis.staged.coordinates) :]
         shape = [each for each in added if each.run is None and (effect.limits or each.field not in effect.columns)]
         if (is_slow and not effect.limits) or not shape:

@@ -4,14 +4,20 @@ Links before the ceramic turn the command into the voltage across it; the cerami
 into polarization; links behind it make the displacement out of it. An unknown of the last stage costs a pass through
 links of a few ns a sample. An unknown of the ceramic costs one too: its tangent is taken once and carried through the
 last stage.
+
+A link that runs a copy of the ceramic to find the voltage across it would cost a pass for each step of each unknown. So
+a search moves its shortcut behind the ceramic, plus what P had beyond that where `exact_at` was last asked for, and how
+that changes with the link's own parameters.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Protocol
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -22,7 +28,8 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.link import Link, State
+from pzt_ros.physics.link import ACTUATOR, Link, State, no_state
+from pzt_ros.physics.loaded import shortcut_of
 from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
 from pzt_ros.sysid.run import Start, begun, by_way_of, turned
 
@@ -97,6 +104,7 @@ class Staged:
         runs: all of them, those that are fitted first.
         coordinates: of the other links.
         given: what is known of single runs and not sought, at the values where these coordinates start.
+        beyond: what P has beyond that of a shortcut, by run; empty where nothing was asked for yet.
     """
 
     chain: Chain
@@ -104,6 +112,7 @@ class Staged:
     runs: Sequence[RunData]
     coordinates: tuple[Coordinate, ...]
     given: tuple[Coordinate, ...] = ()
+    beyond: Mapping[int, _Beyond] = dataclasses.field(default_factory=dict)
 
     @property
     def start(self) -> Array:
@@ -127,6 +136,11 @@ class Staged:
     def fitted(self) -> list[int]:
         """Indices of the runs with a part to fit."""
         return [number for number, run in enumerate(self.runs) if FIT in run.picks]
+
+    @property
+    def far(self) -> float:
+        """Rms over noise of a misfit beside which what it is off by does not count."""
+        return math.inf if any(shortcut_of(link) for link in self.chain.links) else self.ceramic.far
 
     @property
     def has_past(self) -> bool:
@@ -172,8 +186,12 @@ class Staged:
         ]
 
     def exact_at(self, vector: Array) -> Staged:
-        """The same with the ceramic exact at a vector."""
-        return dataclasses.replace(self, ceramic=self.ceramic.exact_at(vector[: self._own], self.voltages(vector)))
+        """The same, exact at a vector; itself where it is so everywhere."""
+        ceramic = self.ceramic.exact_at(vector[: self._own], self.voltages(vector))
+        found = self if ceramic is self.ceramic else dataclasses.replace(self, ceramic=ceramic)
+        if not any(shortcut_of(link) for link in self.chain.links):
+            return found
+        return dataclasses.replace(found, beyond=found._beyond_shortcuts(vector))
 
     def for_one_search(self) -> Staged:
         """The same for one search alone."""
@@ -197,6 +215,7 @@ class Staged:
             runs=seen_through(chain, self.runs),
             coordinates=tuple(self.coordinates[place] for place in kept),
             given=tuple(each for each in self.given if each.kind != kind),
+            beyond={} if self._has_shortcut(kind) else self.beyond,
         )
         return plain, [*range(self._own), *(self._own + place for place in kept)]
 
@@ -207,8 +226,8 @@ class Staged:
         return chain.with_links(lambda link: ceramic if isinstance(link, Ferroelectric) else link)
 
     def is_before(self, kind: str) -> bool:
-        """Whether a link stands before the ceramic."""
-        return any(link.kind == kind for link in self.chain.links[: self._place])
+        """Whether a link stands before the ceramic, and so does what a search moves in its place."""
+        return any(link.kind == kind for link in self.chain.links[: self._place]) and not self._has_shortcut(kind)
 
     @property
     def _own(self) -> int:
@@ -228,12 +247,58 @@ class Staged:
 
     def _driven(self, vector: Array, number: int) -> Signals:
         """The signals at the ceramic."""
-        run, links = self.runs[number], self._links(vector, number)[: self._place]
+        run = self.runs[number]
+        links = [link for link in self._links(vector, number)[: self._place] if shortcut_of(link) is None]
         start = self.ceramic.start_of(vector[: self._own], number)
         return _stepped(links, begun(links, run.record, start), run.signals)
 
     def _behind(self, vector: Array, number: int) -> tuple[Link, ...]:
-        return self._links(vector, number)[self._place + 1 :]
+        links = self._links(vector, number)
+        shortcuts = [short for short in map(shortcut_of, links[: self._place]) if short is not None]
+        beyond = [_More(polarization=self._beyond(vector, number))] if number in self.beyond else []
+        return (*shortcuts, *beyond, *links[self._place + 1 :])
+
+    def _has_shortcut(self, kind: str) -> bool:
+        return any(link.kind == kind and shortcut_of(link) is not None for link in self.chain.links)
+
+    def _beyond(self, vector: Array, number: int) -> Array:
+        """What P of a run has beyond that of a shortcut [C/m^2]."""
+        known = self.beyond[number]
+        found = known.values
+        for place, each in enumerate(self.coordinates, start=self._own):
+            if each.name in known.slopes:
+                found = found + (vector[place] - known.at[each.name]) * known.slopes[each.name]
+        return found
+
+    def _beyond_shortcuts(self, vector: Array) -> dict[int, _Beyond]:
+        """What P of each run has beyond that of the shortcuts, and how that changes with their links' parameters."""
+        here = self._beyond_here(vector)
+        slopes: list[dict[str, Array]] = [{} for _ in self.runs]
+        at: dict[str, float] = {}
+        for place, each in enumerate(self.coordinates, start=self._own):
+            if not self._has_shortcut(each.kind):
+                continue
+            moved = vector.copy()
+            moved[place] += _WAY_STEP if vector[place] + _WAY_STEP <= self.bounds[1][place] else -_WAY_STEP
+            at[each.name] = float(vector[place])
+            for number, there in enumerate(self._beyond_here(moved)):
+                slopes[number][each.name] = (there - here[number]) / (moved[place] - vector[place])
+        return {number: _Beyond(values, at, slopes[number]) for number, values in enumerate(here)}
+
+    def _beyond_here(self, vector: Array) -> list[Array]:
+        """The same as it is, of every run [C/m^2, each shape (n,)]."""
+        driven = [self._driven(vector, number) for number in range(len(self.runs))]
+        polarized = self.ceramic.polarization(vector[: self._own], [signals.voltage for signals in driven])
+        found = []
+        for number, (run, signals, p) in enumerate(zip(self.runs, driven, polarized, strict=True)):
+            links = self.chain_at(vector, number).links[: self._place + 1]
+            start = self.ceramic.start_of(vector[: self._own], number)
+            there = _stepped(links, begun(links, run.record, start), run.signals).polarization
+            shortcuts = [short for short in map(shortcut_of, links) if short is not None]
+            rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+            near = _stepped(shortcuts, [link.init(rest) for link in shortcuts], signals.replace(polarization=p))
+            found.append(there - near.polarization)
+        return found
 
     def _way(self, vector: Array, number: int) -> Array:
         """Polarization at the reversals before a run [C/m^2, shape (k,)], where a link asks for it."""
@@ -278,6 +343,43 @@ class Staged:
         else:
             there = _seen(self._behind(moved, number), *polarized)
         return (there[0] - here[0]) / step, (there[1] - here[1]) / step
+
+
+@dataclass(frozen=True)
+class _Beyond:
+    """What P of a run has beyond that of a shortcut, near where it was found.
+
+    Attributes:
+        values: there [C/m^2, shape (n,)].
+        at: coordinates of its link there, by name.
+        slopes: how it changes with each of them [C/m^2, shape (n,)].
+    """
+
+    values: Array
+    at: Mapping[str, float]
+    slopes: Mapping[str, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _More(Link):
+    """So much more polarization at each sample of a run [C/m^2, shape (n,)]."""
+
+    kind: ClassVar[str] = "more"
+    section: ClassVar[str] = ACTUATOR
+
+    polarization: Array
+
+    def init(self, rest: Rest) -> State:
+        return no_state()
+
+    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        return state, signals.replace(polarization=signals.polarization + self.polarization)
+
+    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
+        return state, signals.replace(polarization=signals.polarization - self.polarization)
+
+    def carry(self, signals: Signals, change: Change) -> Change:
+        return change
 
 
 def _stepped(links: Sequence[Link], states: Sequence[State], signals: Signals) -> Signals:

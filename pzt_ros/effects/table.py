@@ -6,7 +6,8 @@ import itertools
 import math
 
 from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
-from pzt_ros.effects.amplifier_current_limit import AmplifierChargeLimit, AmplifierCurrentLimit
+from pzt_ros.effects.amplifier_charge_limit import AmplifierChargeLimit
+from pzt_ros.effects.amplifier_current_limit import AmplifierCurrentLimit
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.confounded import CONFOUNDED
 from pzt_ros.effects.cross_coupling import CrossCoupling
@@ -75,7 +76,7 @@ EFFECTS: tuple[Effect, ...] = (
     ),
     Effect(
         link=AmplifierChargeLimit,
-        place=AT_POLARIZATION,
+        place=AT_FIELD,
         amplitude="inverse_current_density",
         starts=_grid(inverse_current_density=(1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.2, 0.4, 0.8, 1.6)),
         free=("inverse_current_density",),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,8 @@ import numpy as np
 from pzt_ros.errors import BenchError
 from pzt_ros.physics import sawyer_tower as circuit
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.link import AMPLIFIER, Link, State, no_state
+from pzt_ros.physics.link import AMPLIFIER, State, no_state
+from pzt_ros.physics.loaded import Loaded
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import choice, parameter
 
@@ -21,14 +21,11 @@ COMPENSATIONS = {"none": circuit.NO_COMPENSATION, "last": circuit.LAST, "extrapo
 
 
 @dataclass(frozen=True, kw_only=True)
-class Amplifier(Link):
+class Amplifier(Loaded):
     """Gain, then a first-order lag, the voltage window, the slew limit, and what the load makes of it.
 
     Current, power and the reference capacitor need to know what the ceramic draws. Then the link runs a copy of the
     ceramic of its chain (`load`), sample by sample, to find the voltage that ceramic gets. What is 0 is not there.
-
-    Attributes:
-        load: the ceramic that the amplifier drives; the chain puts it in.
     """
 
     kind: ClassVar[str] = "amplifier"
@@ -51,7 +48,6 @@ class Amplifier(Link):
     compensation_rate: float = parameter(
         20e3, "Hz", "samples per second of the computer that compensates", bounds=(1.0, 1e7)
     )
-    load: Ferroelectric | None = dataclasses.field(default=None, compare=False, repr=False)
 
     @property
     def feels_load(self) -> bool:
@@ -61,10 +57,6 @@ class Amplifier(Link):
     @property
     def _is_gain(self) -> bool:
         return not (self.feels_load or self.bandwidth > 0.0 or self.voltage_limit > 0.0 or self.slew_rate > 0.0)
-
-    def driving(self, load: Ferroelectric) -> Amplifier:
-        """The same amplifier with that ceramic on it, if it makes a difference."""
-        return dataclasses.replace(self, load=load) if self.feels_load and self.load is not load else self
 
     @cached_property
     def _circuit(self) -> circuit.Circuit:
@@ -153,11 +145,3 @@ def _check(bad: int, signals: Signals) -> None:
             f"amplifier: sample {bad} ({time:.9g} s, {voltage:.6g} V) is not finite or not after the one before;"
             " drop or sort it"
         )
-
-
-def told_their_load(links: tuple[Link, ...]) -> tuple[Link, ...]:
-    """The links of a chain, its amplifiers with the chain's ceramic on them."""
-    load = next((link for link in links if isinstance(link, Ferroelectric)), None)
-    if load is None:
-        return links
-    return tuple(link.driving(load) if isinstance(link, Amplifier) else link for link in links)

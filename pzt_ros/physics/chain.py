@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from pzt_ros.physics.amplifier import told_their_load
 from pzt_ros.physics.link import ACTUATOR, SENSOR, Link, State
+from pzt_ros.physics.loaded import told_their_load
 from pzt_ros.physics.signals import Rest, Signals
 
 ChainState = tuple[State, ...]
@@ -30,7 +30,7 @@ class Chain:
     notes: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """An amplifier that feels its load is told which ceramic it drives (docs/decisions/0005)."""
+        """A link that feels the load is told which ceramic it drives (docs/decisions/0005)."""
         object.__setattr__(self, "links", told_their_load(self.links))
 
     def init(self, rest: Rest) -> ChainState:

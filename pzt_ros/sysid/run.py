@@ -14,6 +14,7 @@ from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain, ChainState
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link, State
+from pzt_ros.physics.loaded import Loaded
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.records import Record
 from pzt_ros.sysid.fading import fading_course
@@ -181,6 +182,8 @@ def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
         elif isinstance(link, Ferroelectric):
             state, way = begun_ceramic(link, record, start, gain)
             states.append(state)
+        elif isinstance(link, Loaded):
+            states.append(_after(link, *prepared_drive(record, start, gain)))
         else:
             states.append(turned(link, at_first, way))
     return tuple(states)

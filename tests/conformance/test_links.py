@@ -14,6 +14,8 @@ from pzt_ros.effects.table import EFFECTS
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, by_differences
 from pzt_ros.physics.link import SECTIONS, Link
+from pzt_ros.physics.loaded import Loaded
+from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Rest, Signals
 from pzt_ros.quantities import choices_of, parameters_of, to_si
 
@@ -39,11 +41,8 @@ def from_shipped_chains() -> dict[str, Link]:
 
 def from_effects() -> dict[str, Link]:
     """Every effect at every start of a search: by default an effect is not there."""
-    return {
-        f"{effect.name}-{number}": effect.link(**start)
-        for effect in EFFECTS
-        for number, start in enumerate(effect.starts)
-    }
+    starts = {f"{e.name}-{number}": e.link(**start) for e in EFFECTS for number, start in enumerate(e.starts)}
+    return {name: link.driving(Preisach()) if isinstance(link, Loaded) else link for name, link in starts.items()}
 
 
 INSTANCES = {**from_defaults(), **from_shipped_chains(), **from_effects()}
