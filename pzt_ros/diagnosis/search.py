@@ -93,15 +93,19 @@ class Search(Seeker):
     def with_wandering(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, readings that wander by chance may, beside them or alone.
 
-        That is asked last: what goes its own way in every run could stand for much that is slow.
+        Where they do but for a little, a straight drift in the end may wander. That is asked last: what goes its own
+        way in every run could stand for much that is slow.
         """
-        last = steps[-1]
-        if self.explains(steps, base):
+        others, explained = _without_last_drift(steps), self.explains(steps, base)
+        if explained and (len(others) == len(steps) or self.at_floor(steps[-1].after)):
             return [*steps]
-        if last.accepted and not last.tied and ThermalDrift.kind not in last.after.effects:
-            beside = self._wandering_step(last.after, [last.after], ())
-            if beside and self.explains([*steps, beside], base):
-                return [*steps, beside]
+        if others and others[-1].accepted and not others[-1].tied:
+            before = others[-1].after
+            beside = self._wandering_step(before, [before], ()) if ThermalDrift.kind not in before.effects else None
+            if beside and self.explains([*others, beside], base):
+                return [*others, beside]
+        if explained:
+            return [*steps]
         alone = self._wandering_step(base, chain([base], self.origins()), steps[0].candidates)
         return [alone] if alone else [*steps]
 
@@ -256,3 +260,9 @@ class Search(Seeker):
 
 def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     return (winner, *(each for each in candidates if each.name != winner.name))
+
+
+def _without_last_drift(steps: Sequence[Step]) -> list[Step]:
+    """The steps but for a drift in the end, which may not go straight but wander."""
+    last = steps[-1].accepted
+    return [*steps[:-1]] if last and last[-1].name == ThermalDrift.kind else [*steps]

@@ -686,6 +686,33 @@ def test_two_at_once_need_one_another(left_by_both: float, is_pair: bool) -> Non
     assert Offering()._pair(base, [first]) == ((first, second) if is_pair else ())
 
 
+@pytest.mark.parametrize(("floor", "wanders"), [(1.0, True), (1.2, False)])
+def test_a_straight_drift_that_leaves_something_is_asked_whether_it_wanders(floor: float, wanders: bool) -> None:
+    """A court case: beside a current limit it all but explained the first halves, and foretold no second one."""
+    limit, drift = "amplifier_charge_limit", "thermal_drift"
+    base = leaving(1.0)
+    first = Candidate(limit, base, leaving(0.2, limit))
+    straight = Candidate(drift, first.after, leaving(0.02, limit, drift))
+    steps = [Step(each.before, (each,), {}, (each,), (), "") for each in (first, straight)]
+    chance = Candidate(drift, first.after, leaving(0.0, limit, drift))
+    beside: list[Hypothesis] = []
+
+    class Wandering(Search):
+        def explains(self, steps: Sequence[Step], base: Hypothesis) -> bool:
+            return True
+
+        def at_floor(self, hypothesis: Hypothesis) -> bool:
+            return max(hypothesis.ratios) <= floor
+
+        def _wandering_step(self, before: Hypothesis, *_: object) -> Step:
+            beside.append(before)
+            return Step(before, (chance,), {}, (chance,), (), "wanders by chance")
+
+    found = Wandering().with_wandering(steps, base)
+    assert beside == ([first.after] if wanders else [])
+    assert [step.accepted[-1] for step in found] == [first, chance if wanders else straight]
+
+
 @pytest.mark.parametrize("left", [0.2, 0.0])
 def test_an_effect_that_had_to_bend_for_another_is_found_anew_beside_it(left: float) -> None:
     """A court case: a hysteresis stood for a mode, too, until that was found, and no refit of both led it back."""
