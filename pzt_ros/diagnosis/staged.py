@@ -289,16 +289,20 @@ class Staged:
         """The same as it is, of every run [C/m^2, each shape (n,)]."""
         driven = [self._driven(vector, number) for number in range(len(self.runs))]
         polarized = self.ceramic.polarization(vector[: self._own], [signals.voltage for signals in driven])
-        found = []
-        for number, (run, signals, p) in enumerate(zip(self.runs, driven, polarized, strict=True)):
-            links = self.chain_at(vector, number).links[: self._place + 1]
-            start = self.ceramic.start_of(vector[: self._own], number)
-            there = _stepped(links, begun(links, run.record, start), run.signals).polarization
-            shortcuts = [short for short in map(shortcut_of, links) if short is not None]
-            rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
-            near = _stepped(shortcuts, [link.init(rest) for link in shortcuts], signals.replace(polarization=p))
-            found.append(there - near.polarization)
-        return found
+        pairs = enumerate(zip(driven, polarized, strict=True))
+        return [self._beyond_in(vector, number, signals, p) for number, (signals, p) in pairs]
+
+    def _beyond_in(self, vector: Array, number: int, signals: Signals, polarization: Array) -> Array:
+        """The same of one run, where the shortcut does anything in it."""
+        links = self.chain_at(vector, number).links[: self._place + 1]
+        shortcuts = [short for short in map(shortcut_of, links) if short is not None]
+        rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+        near = _stepped(shortcuts, [link.init(rest) for link in shortcuts], signals.replace(polarization=polarization))
+        if np.array_equal(near.polarization, polarization):
+            return np.zeros_like(polarization)
+        record = self.runs[number].record
+        states = begun(links, record, self.ceramic.start_of(vector[: self._own], number))
+        return _stepped(links, states, self.runs[number].signals).polarization - near.polarization
 
     def _way(self, vector: Array, number: int) -> Array:
         """Polarization at the reversals before a run [C/m^2, shape (k,)], where a link asks for it."""
