@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.diagnosis.coordinates import Coordinate
+from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.remembered import Remembered
-from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
@@ -89,7 +89,7 @@ class _Exact(NamedTuple):
 
 
 class DeclaredHysteresis:
-    """A ceramic's link with some of its parameters free; a `staged.Hysteresis`.
+    """A ceramic's link with some of its parameters free; a `hysteresis.Hysteresis`.
 
     A model of many domains takes ten to twenty times as long as the front model of the same ceramic, and the two differ
     by little that changes slowly with the parameters. So the search moves the front model, plus the difference of the

@@ -18,7 +18,8 @@ from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
-from pzt_ros.diagnosis.staged import Hysteresis, Progress, Staged
+from pzt_ros.diagnosis.hysteresis import Hysteresis
+from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.physics.ferroelectric import Ferroelectric

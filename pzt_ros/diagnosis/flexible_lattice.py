@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.remembered import Remembered
-from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import Array
@@ -44,7 +44,7 @@ class _Tangent:
 
 
 class FlexibleHysteresis(IdentifiedHysteresis):
-    """The identified lattice as a `staged.Hysteresis`.
+    """The identified lattice as a `hysteresis.Hysteresis`.
 
     Polarization is linear in the weights and the occupancies, and bends little with the logarithms of relaxation time
     and thermal field. So once `exact_at` has taken the tangent somewhere, a copy goes along it: refits with effects

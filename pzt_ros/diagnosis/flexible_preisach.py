@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.remembered import Remembered
-from pzt_ros.diagnosis.staged import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array
@@ -19,7 +19,7 @@ _REMEMBERED = 24  # polarizations of a run at some voltage and vector
 
 
 class FlexiblePreisach(RateIndependentHysteresis):
-    """The rate-independent density as a `staged.Hysteresis`."""
+    """The rate-independent density as a `hysteresis.Hysteresis`."""
 
     far = math.inf  # no misfit is so large that being exact does not count
     knows_no_rate = Preisach.knows_no_rate

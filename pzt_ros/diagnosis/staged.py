@@ -17,12 +17,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.data import FIT, RunData, seen_through
+from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.effects.insert import without_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
@@ -31,65 +32,9 @@ from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import ACTUATOR, Link, State, no_state
 from pzt_ros.physics.loaded import shortcut_of
 from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
-from pzt_ros.sysid.run import Start, begun, by_way_of, turned
+from pzt_ros.sysid.run import begun, by_way_of, turned
 
 _STEP, _WAY_STEP = 1e-4, 1e-3  # of a coordinate behind the ceramic, and of one of its own
-
-
-class Hysteresis(Protocol):
-    """Voltage at the ceramic to polarization, for all runs at once, and how it changes with its own unknowns.
-
-    Voltages are those of all runs; of a run that is not asked for, an empty array, and nothing is returned for it.
-    """
-
-    names: list[str]
-    start: Array
-    lower: Array
-    upper: Array
-    far: float
-    """Rms over noise of a misfit beside which the approximation does not count."""
-    knows_no_rate: bool
-    """Whether P depends on the order of the voltages only."""
-
-    def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
-        """P of each run [C/m^2, each shape (n,)]."""
-        ...
-
-    def tangent(self, vector: Array, voltages: Sequence[Array]) -> tuple[list[Array], list[Array]]:
-        """P and dP/d(vector) of each run [each shape (n,) and (n, p)]."""
-        ...
-
-    def regularisation(self) -> tuple[Array, Array]:
-        """Rows and targets that hold what the data do not tell [shapes (m, p), (m,)]."""
-        ...
-
-    def link(self, vector: Array) -> Link:
-        """The ceramic as a link."""
-        ...
-
-    def for_one_search(self) -> Hysteresis:
-        """What one search may use by itself: what it is asked first may change what it answers then."""
-        ...
-
-    def exact_at(self, vector: Array, voltages: Sequence[Array]) -> Hysteresis:
-        """The same, without approximation at a vector."""
-        ...
-
-    def start_of(self, vector: Array, number: int) -> Start:
-        """How a run starts."""
-        ...
-
-    def way_of(self, vector: Array, number: int) -> Array:
-        """P at the reversals before a run [C/m^2, shape (k,)]; none where they are not known."""
-        ...
-
-    def places_of(self, number: int) -> list[int]:
-        """Unknowns that belong to one run alone."""
-        ...
-
-    def stiffer(self) -> list[Hysteresis]:
-        """The same held by stronger priors, where it has any."""
-        ...
 
 
 @dataclasses.dataclass(frozen=True)
