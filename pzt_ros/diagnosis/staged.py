@@ -16,20 +16,19 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
 from pzt_ros.diagnosis.data import FIT, RunData, seen_through
 from pzt_ros.diagnosis.hysteresis import Hysteresis
+from pzt_ros.diagnosis.shortcuts import Beyond, shortcuts_of
 from pzt_ros.effects.insert import without_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.link import ACTUATOR, Link, State, no_state
+from pzt_ros.physics.link import Link, State
 from pzt_ros.physics.loaded import shortcut_of
 from pzt_ros.physics.signals import ABSENT, Array, Rest, Signals
 from pzt_ros.sysid.run import begun, by_way_of, turned
@@ -57,7 +56,7 @@ class Staged:
     runs: Sequence[RunData]
     coordinates: tuple[Coordinate, ...]
     given: tuple[Coordinate, ...] = ()
-    beyond: Mapping[int, _Beyond] = dataclasses.field(default_factory=dict)
+    beyond: Mapping[int, Beyond] = dataclasses.field(default_factory=dict)
 
     @property
     def start(self) -> Array:
@@ -85,7 +84,7 @@ class Staged:
     @property
     def far(self) -> float:
         """Rms over noise of a misfit beside which what it is off by does not count."""
-        return math.inf if any(shortcut_of(link) for link in self.chain.links) else self.ceramic.far
+        return math.inf if shortcuts_of(self.chain.links) else self.ceramic.far
 
     @property
     def has_past(self) -> bool:
@@ -134,7 +133,7 @@ class Staged:
         """The same, exact at a vector; itself where it is so everywhere."""
         ceramic = self.ceramic.exact_at(vector[: self._own], self.voltages(vector))
         found = self if ceramic is self.ceramic else dataclasses.replace(self, ceramic=ceramic)
-        if not any(shortcut_of(link) for link in self.chain.links):
+        if not shortcuts_of(self.chain.links):
             return found
         return dataclasses.replace(found, beyond=found._beyond_shortcuts(vector))
 
@@ -193,42 +192,33 @@ class Staged:
     def _driven(self, vector: Array, number: int) -> Signals:
         """The signals at the ceramic."""
         run = self.runs[number]
-        links = [link for link in self._links(vector, number)[: self._place] if shortcut_of(link) is None]
+        links = [link for link in self._links(vector, number)[: self._place] if not shortcut_of(link)]
         start = self.ceramic.start_of(vector[: self._own], number)
         return _stepped(links, begun(links, run.record, start), run.signals)
 
     def _behind(self, vector: Array, number: int) -> tuple[Link, ...]:
         links = self._links(vector, number)
-        shortcuts = [short for short in map(shortcut_of, links[: self._place]) if short is not None]
-        beyond = [_More(polarization=self._beyond(vector, number))] if number in self.beyond else []
-        return (*shortcuts, *beyond, *links[self._place + 1 :])
+        known = [self.beyond[number].near(self._named(vector))] if number in self.beyond else []
+        return (*shortcuts_of(links), *known, *links[self._place + 1 :])
 
     def _has_shortcut(self, kind: str) -> bool:
-        return any(link.kind == kind and shortcut_of(link) is not None for link in self.chain.links)
+        return any(link.kind == kind and shortcut_of(link) for link in self.chain.links)
 
-    def _beyond(self, vector: Array, number: int) -> Array:
-        """What P of a run has beyond that of a shortcut [C/m^2]."""
-        known = self.beyond[number]
-        found = known.values
-        for place, each in enumerate(self.coordinates, start=self._own):
-            if each.name in known.slopes:
-                found = found + (vector[place] - known.at[each.name]) * known.slopes[each.name]
-        return found
+    def _named(self, vector: Array) -> dict[str, float]:
+        """Coordinates of the other links by name."""
+        return {each.name: float(value) for each, value in zip(self.coordinates, vector[self._own :], strict=True)}
 
-    def _beyond_shortcuts(self, vector: Array) -> dict[int, _Beyond]:
+    def _beyond_shortcuts(self, vector: Array) -> dict[int, Beyond]:
         """What P of each run has beyond that of the shortcuts, and how that changes with their links' parameters."""
-        here = self._beyond_here(vector)
+        here, at = self._beyond_here(vector), self._named(vector)
         slopes: list[dict[str, Array]] = [{} for _ in self.runs]
-        at: dict[str, float] = {}
         for place, each in enumerate(self.coordinates, start=self._own):
-            if not self._has_shortcut(each.kind):
-                continue
-            moved = vector.copy()
-            moved[place] += _WAY_STEP if vector[place] + _WAY_STEP <= self.bounds[1][place] else -_WAY_STEP
-            at[each.name] = float(vector[place])
-            for number, there in enumerate(self._beyond_here(moved)):
-                slopes[number][each.name] = (there - here[number]) / (moved[place] - vector[place])
-        return {number: _Beyond(values, at, slopes[number]) for number, values in enumerate(here)}
+            if self._has_shortcut(each.kind):
+                moved = vector.copy()
+                moved[place] += _WAY_STEP if vector[place] + _WAY_STEP <= self.bounds[1][place] else -_WAY_STEP
+                for number, there in enumerate(self._beyond_here(moved)):
+                    slopes[number][each.name] = (there - here[number]) / (moved[place] - vector[place])
+        return {number: Beyond(values, at, slopes[number]) for number, values in enumerate(here)}
 
     def _beyond_here(self, vector: Array) -> list[Array]:
         """The same as it is, of every run [C/m^2, each shape (n,)]."""
@@ -238,16 +228,14 @@ class Staged:
         return [self._beyond_in(vector, number, signals, p) for number, (signals, p) in pairs]
 
     def _beyond_in(self, vector: Array, number: int, signals: Signals, polarization: Array) -> Array:
-        """The same of one run, where the shortcut does anything in it."""
-        links = self.chain_at(vector, number).links[: self._place + 1]
-        shortcuts = [short for short in map(shortcut_of, links) if short is not None]
-        rest = Rest(time=float(signals.time[0]), voltage=float(signals.voltage[0]))
+        """The same of one run, where a shortcut does anything in it."""
+        links, run = self.chain_at(vector, number).links[: self._place + 1], self.runs[number]
+        shortcuts, rest = shortcuts_of(links), Rest(float(signals.time[0]), float(signals.voltage[0]))
         near = _stepped(shortcuts, [link.init(rest) for link in shortcuts], signals.replace(polarization=polarization))
         if np.array_equal(near.polarization, polarization):
             return np.zeros_like(polarization)
-        record = self.runs[number].record
-        states = begun(links, record, self.ceramic.start_of(vector[: self._own], number))
-        return _stepped(links, states, self.runs[number].signals).polarization - near.polarization
+        states = begun(links, run.record, self.ceramic.start_of(vector[: self._own], number))
+        return _stepped(links, states, run.signals).polarization - near.polarization
 
     def _way(self, vector: Array, number: int) -> Array:
         """Polarization at the reversals before a run [C/m^2, shape (k,)], where a link asks for it."""
@@ -292,43 +280,6 @@ class Staged:
         else:
             there = _seen(self._behind(moved, number), *polarized)
         return (there[0] - here[0]) / step, (there[1] - here[1]) / step
-
-
-@dataclass(frozen=True)
-class _Beyond:
-    """What P of a run has beyond that of a shortcut, near where it was found.
-
-    Attributes:
-        values: there [C/m^2, shape (n,)].
-        at: coordinates of its link there, by name.
-        slopes: how it changes with each of them [C/m^2, shape (n,)].
-    """
-
-    values: Array
-    at: Mapping[str, float]
-    slopes: Mapping[str, Array]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _More(Link):
-    """So much more polarization at each sample of a run [C/m^2, shape (n,)]."""
-
-    kind: ClassVar[str] = "more"
-    section: ClassVar[str] = ACTUATOR
-
-    polarization: Array
-
-    def init(self, rest: Rest) -> State:
-        return no_state()
-
-    def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        return state, signals.replace(polarization=signals.polarization + self.polarization)
-
-    def invert(self, state: State, signals: Signals) -> tuple[State, Signals]:
-        return state, signals.replace(polarization=signals.polarization - self.polarization)
-
-    def carry(self, signals: Signals, change: Change) -> Change:
-        return change
 
 
 def _stepped(links: Sequence[Link], states: Sequence[State], signals: Signals) -> Signals:
