@@ -19,7 +19,7 @@ from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.refinement import polished, taken_on
 from pzt_ros.diagnosis.seeker import Seeker
 from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
-from pzt_ros.diagnosis.wandering import SPACING, wandering
+from pzt_ros.diagnosis.wandering import BY_CHANCE, wandering
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.effects.thermal_drift import ThermalDrift
@@ -107,24 +107,38 @@ class Search(Seeker):
         if explained:
             return [*steps]
         alone = self._wandering_step(base, chain([base], self.origins()), steps[0].candidates)
-        return [alone] if alone else [*steps]
+        return [alone] if alone else self._beside_wandering(steps, base)
 
     def _wandering_step(
         self, before: Hypothesis, places: Iterable[Hypothesis], others: Sequence[Candidate]
     ) -> Step | None:
         """Readings that wander beside a hypothesis, fitted from the first place where they explain all."""
         self.progress("refitting with readings that wander" + before.beside)
-        name, verdict = ThermalDrift.kind, f"wanders by chance over {SPACING:g} s and more"
+        name = ThermalDrift.kind
         for place in places:
-            found = wandering(place, self.thresholds)
+            found = wandering(place, self.thresholds, self.thresholds.polishable)
             if found is None:
                 continue
             winner = Candidate(name, before, replace(found, effects=(*before.effects, name)))
-            step = Step(before, _headed_by(winner, others), {}, (winner,), (), verdict)
+            step = Step(before, _headed_by(winner, others), {}, (winner,), (), BY_CHANCE)
             if self.explains([step], before):
                 tied = self._tied(winner, [other for other in others if self.is_significant(other)])
                 return replace(step, tied=tied)
         return None
+
+    def _beside_wandering(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
+        """The steps, or readings that wander and one effect beside them, where a drift is half of what is missing.
+
+        A straight drift beside that effect does not explain all, and without the other neither is enough.
+        """
+        half_told = next((c for c in self.complementary(steps[0].candidates) if c.name == ThermalDrift.kind), None)
+        found = wandering(base, self.thresholds, self.thresholds.nameable) if half_told else None
+        if found is None:
+            return [*steps]
+        drift = Candidate(ThermalDrift.kind, base, replace(found, effects=(ThermalDrift.kind,)))
+        first = Step(base, _headed_by(drift, steps[0].candidates), {}, (drift,), (), BY_CHANCE)
+        both = [first, self.step(drift.after)]
+        return both if both[-1].accepted and self.explains(both, base) else [*steps]
 
     def _weighed(self, steps: list[Step]) -> list[Step]:
         """The steps without what was only needed until all of them were there."""

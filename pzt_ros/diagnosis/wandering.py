@@ -25,15 +25,17 @@ from pzt_ros.sysid.run import rms, typical_leg
 SPACING = 4.0
 """Over which readings may bend at the least [s]."""
 
+BY_CHANCE = f"wanders by chance over {SPACING:g} s and more"
+
 _FEWEST_LEGS = 6.0  # of the drive in a run that bends: slow curves beside a few ways up and down are loops
 
 
-def wandering(place: Hypothesis, asked: Thresholds) -> Hypothesis | None:
-    """The model fitted beside readings that wander, from a place; None where that leaves far too much."""
+def wandering(place: Hypothesis, asked: Thresholds, most: float) -> Hypothesis | None:
+    """The model fitted beside readings that wander, from a place; None where that leaves more of the noise (rms)."""
     runs = [replace(run, wander=_spacing(run)) for run in place.staged.runs]
     staged = replace(place.staged, runs=runs)
     begun = renewed(fitted(staged, place.vector, place.effects, REFIT_STEPS))  # a drift had bent the pasts
-    return taken_on(exact(begun), asked) if begun.fit.ratio <= asked.polishable else None
+    return taken_on(exact(begun), asked) if begun.fit.ratio <= most else None
 
 
 def _spacing(run: RunData) -> float:

@@ -310,7 +310,7 @@ def test_readings_that_wander_do_not_bend_the_model(wandering: Report, null: Rep
 
 def test_a_slow_wave_is_no_drift() -> None:
     asked = Thresholds()
-    drift, wave = (wandering_of(hypothesis(effect), asked) for effect in ("wandering", "slow_wave"))
+    drift, wave = (wandering_of(hypothesis(effect), asked, asked.polishable) for effect in ("wandering", "slow_wave"))
     assert drift is not None
     assert max(drift.ratios) < 1.05
     assert wave is None
@@ -711,6 +711,41 @@ def test_a_straight_drift_that_leaves_something_is_asked_whether_it_wanders(floo
     found = Wandering().with_wandering(steps, base)
     assert beside == ([first.after] if wanders else [])
     assert [step.accepted[-1] for step in found] == [first, chance if wanders else straight]
+
+
+@pytest.mark.parametrize(("share", "left", "is_found"), [(0.4, 0.0, True), (0.4, 0.3, False), (0.1, 0.0, False)])
+def test_an_effect_is_sought_beside_readings_that_wander_where_a_drift_is_half(
+    monkeypatch: pytest.MonkeyPatch, share: float, left: float, is_found: bool
+) -> None:
+    """A court case: beside a straight drift a bandwidth did not explain all, and without one it was not enough."""
+    base, slow = leaving(1.0), leaving(0.5, "thermal_drift")
+    drift = Candidate("thermal_drift", base, leaving(1.0 - share))
+    bandwidth = Candidate("amplifier_bandwidth", base, leaving(0.5))
+    both = Candidate("amplifier_bandwidth", slow, leaving(left, "thermal_drift", "amplifier_bandwidth"))
+    asked: list[float] = []
+
+    def wanders(place: Hypothesis, thresholds: Thresholds, most: float) -> Hypothesis | None:
+        asked.append(most)
+        return slow
+
+    class Searching(Search):
+        def _wandering_step(self, *_: object) -> None:
+            """Alone they do not explain all."""
+
+        def is_significant(self, candidate: Candidate) -> bool:
+            return True
+
+        def step(self, before: Hypothesis) -> Step:
+            return Step(before, (both,), {}, (both,), (), "")
+
+    monkeypatch.setattr(search_of_effects, "wandering", wanders)
+    monkeypatch.setattr(search_of_effects, "replace", lambda found, **_: found)
+    steps = [Step(base, (drift, bandwidth), {}, (), (), "")]
+    found = Searching(dataclasses.replace(Thresholds(), pair_share=0.8)).with_wandering(steps, base)
+    assert [step.accepted[-1].name for step in found if step.accepted] == (
+        ["thermal_drift", "amplifier_bandwidth"] if is_found else []
+    )
+    assert asked == ([Thresholds().nameable] if share == 0.4 else [])
 
 
 @pytest.mark.parametrize("left", [0.2, 0.0])
