@@ -122,9 +122,24 @@ class Search(Seeker):
             winner = Candidate(name, before, replace(found, effects=(*before.effects, name)))
             step = Step(before, _headed_by(winner, others), {}, (winner,), (), BY_CHANCE)
             if self.explains([step], before):
-                tied = self._tied(winner, [other for other in others if self.is_significant(other)])
-                return replace(step, tied=tied)
+                return replace(step, tied=self._group(winner, self._beside_chance(winner, others)))
         return None
+
+    def _beside_chance(self, wanders: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
+        """Effects that explain as much as readings that wander, or where it was fitted more than these.
+
+        What chooses says nothing against those: curves of its own bring every run down.
+        """
+        asked = self.thresholds
+        return [
+            other
+            for other in others
+            if other.cause != wanders.cause
+            and (
+                (self.is_significant(other) and self.is_as_good(wanders, other))
+                or (other.fit_gain > asked.fit_gain and other.after.fit.ratio < wanders.after.fit.ratio)
+            )
+        ]
 
     def _beside_wandering(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps, or readings that wander and one effect beside them, where a drift is half of what is missing.

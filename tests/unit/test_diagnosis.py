@@ -748,6 +748,24 @@ def test_an_effect_is_sought_beside_readings_that_wander_where_a_drift_is_half(
     assert asked == ([Thresholds().nameable] if share == 0.4 else [])
 
 
+@pytest.mark.parametrize(("left_where_fitted", "ties"), [(0.005, True), (0.03, False)])
+def test_what_explains_more_where_it_was_fitted_ties_with_readings_that_wander(
+    left_where_fitted: float, ties: bool
+) -> None:
+    """A court case: a bias field that grew inside minor loops was a drift by chance, for that chose for itself."""
+    base = leaving(1.0)
+    wanders = Candidate("thermal_drift", base, leaving(0.01, "thermal_drift"))
+    after = leaving(left_where_fitted, "bias_field")
+    after.selection, after.total = leaving(1.1).selection, leaving(1.1).total  # type: ignore[misc]
+    bias = Candidate("bias_field", base, after)
+
+    class Refusing(Search):
+        def is_significant(self, candidate: Candidate) -> bool:
+            return False  # where it was not fitted
+
+    assert Refusing()._beside_chance(wanders, [wanders, bias]) == ([bias] if ties else [])
+
+
 @pytest.mark.parametrize("left", [0.2, 0.0])
 def test_an_effect_that_had_to_bend_for_another_is_found_anew_beside_it(left: float) -> None:
     """A court case: a hysteresis stood for a mode, too, until that was found, and no refit of both led it back."""
