@@ -53,6 +53,7 @@ class Prospect:
         without: the base where it was, in the effect's shape but none of it.
         start: where the linear prediction puts base and effect.
         total: as `Hypothesis.total`, predicted linearly.
+        screened: unknowns of the hypothesis that was screened, which come first in each vector.
         coarse: where it was refined from, if that led to a bound: a linear prediction may have its best place where no
             refit comes back from.
     """
@@ -64,6 +65,7 @@ class Prospect:
     without: Array
     start: Array
     total: float
+    screened: int
     coarse: Prospect | None = None
 
     def best_start(self) -> Array:
@@ -83,8 +85,9 @@ class Prospect:
             return tried[0]
         return tried[int(np.argmin(costs))]
 
-    def beginning_at(self, base: Array) -> Prospect:
-        """The same with the base elsewhere."""
+    def beginning_at(self, found: Array) -> Prospect:
+        """The same with the base as in a vector of another refit beside it."""
+        base = found[: self.screened]
         without, start = (np.concatenate((base, each[base.size :])) for each in (self.without, self.start))
         return replace(self, without=without, start=start, coarse=None)
 
@@ -234,7 +237,7 @@ class Screen:
         longest = float(np.max(np.abs(shift[: hypothesis.staged.ceramic.start.size]), initial=0.0))
         shift = shift * min(1.0, _LONGEST_SHIFT / longest) if longest > 0.0 else shift
         start = np.clip(np.concatenate((hypothesis.vector + shift, shape)), low, high)
-        return Prospect(effect, link, given, staged, without, start, total)
+        return Prospect(effect, link, given, staged, without, start, total, hypothesis.vector.size)
 
     def _within_sight(self, effect: Effect, each: Coordinate) -> Coordinate:
         """A time within what the runs can tell: faster is a gain, slower a straight line, whatever their amounts."""

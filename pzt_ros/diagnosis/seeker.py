@@ -163,7 +163,7 @@ class Seeker(Judge):
             return best is not after and gained < _STUCK * min(promised, before.total - best.total)
 
         again = [n for n, pair in enumerate(zip(prospects, afters, strict=True)) if stuck(*pair)]
-        there = [prospects[n].beginning_at(best.vector[: before.vector.size]) for n in again]
+        there = [prospects[n].beginning_at(best.vector) for n in again]
         found = list(afters)
         for n, after in zip(again, refits(there, before.effects, self.workers), strict=True):
             if after and after.total < (found[n] or before).total:

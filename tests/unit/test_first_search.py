@@ -101,7 +101,7 @@ def test_a_refit_with_a_limit_starts_with_all_of_it(effect: str, share: float) -
         prior=(np.zeros((0, 2)), np.zeros(0)), residuals=lambda vector: [np.array([1.0 + vector.sum()])]
     )
     link = EFFECT_OF[effect].link()
-    prospect = Prospect(EFFECT_OF[effect], link, (), staged, np.zeros(2), np.ones(2), 0.0)
+    prospect = Prospect(EFFECT_OF[effect], link, (), staged, np.zeros(2), np.ones(2), 0.0, 1)
     assert np.array_equal(prospect.best_start(), np.full(2, share))
 
 
@@ -370,9 +370,12 @@ def test_a_density_is_held_more_firmly_for_as_long_as_that_predicts_better(
 def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
     monkeypatch: pytest.MonkeyPatch, promised: float, again: bool
 ) -> None:
-    """A lag that was there stayed at none, beside it a mode explained 96 %, and the mode was named."""
+    """A lag that was there stayed at none, beside it a mode explained 96 %, and the mode was named.
+
+    The base may have fewer unknowns where it was screened than where the search began (its kinetics were held).
+    """
     before, best, stuck = leaving(2.0, 2.0), leaving(1.1, 1.1), leaving(1.99, 2.0)
-    before.vector, best.vector = np.array([0.0, 0.0]), np.array([3.0, 4.0, 9.0])
+    before.vector, best.vector = np.zeros(4), np.array([3.0, 4.0, 9.0])
     begun: list[list[float]] = []
 
     def fitted(prospects: list[Any], effects: tuple[str, ...], workers: Any) -> list[Any]:
@@ -381,8 +384,8 @@ def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
 
     monkeypatch.setattr(seeker, "refits", fitted)
     empty = np.zeros(2)
-    mode = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.5]), 2.5)  # type: ignore[arg-type]
-    lag = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.7]), promised)  # type: ignore[arg-type]
+    mode = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.5]), 2.5, 2)  # type: ignore[arg-type]
+    lag = Prospect(*3 * (Any,), Any, empty, np.array([0.1, 0.2, 0.7]), promised, 2)  # type: ignore[arg-type]
     first, second = Search()._from_the_best(before, [mode, lag], [best, stuck])
     assert first is best
     assert begun == ([[3.0, 4.0, 0.7]] if again else [])
