@@ -77,7 +77,6 @@ class Ceramic:
     """Only what `hypothesis` asks for."""
 
     start: Array
-    far: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -85,6 +84,7 @@ class Cliff:
     """One unknown x; the residual 1 - x jumps to 10 beyond x = 1/2, which a tangent does not know."""
 
     ceramic: Ceramic
+    far: float = np.inf
     at: float | None = None
     runs: tuple[Any, ...] = ()
     bounds: tuple[Array, Array] = (np.array([-5.0]), np.array([5.0]))
