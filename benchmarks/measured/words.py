@@ -65,5 +65,5 @@ would decide: loops to 1400 V at 0.01 Hz, and holds with the integrator reset be
 Looks at these scores: seven. After the first, the first half of the 1000 V loop was fitted with the others instead of
 only choosing, since its start had to be made up from the specimen's history before; the second and third saw the
 hold's polarization only, with and without a drift of each loop; the others are tables, the last two with a finer
-lattice, with which the second half of the 1000 V loop is predicted worse (22.8 % before): half a loop does not tell the density
-of what switches back."""
+lattice, with which the second half of the 1000 V loop is predicted worse (22.8 % before): half a loop does not tell
+the density of what switches back."""
