@@ -14,11 +14,12 @@ from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import ACTUATOR, State, no_state
 from pzt_ros.physics.loaded import Loaded
 from pzt_ros.physics.signals import Array, Rest, Signals
+from pzt_ros.physics.switching import INVERSE_TOLERANCE
 from pzt_ros.quantities import parameter
 
-_TIME, _VOLTAGE, _POLARIZATION, _HEAD = 0, 1, 2, 3
+_TIME, _POLARIZATION, _HEAD = 0, 1, 2
 _FEWEST, _MOST = 4, 256  # samples that are tried at once
-_SLACK = 1e-9  # of P [C/m^2]; ten times what the ceramic's inverse may miss
+_SLACK = 10.0 * INVERSE_TOLERANCE  # of P [C/m^2], beyond what the ceramic's inverse may miss
 _FREE = 0.0  # way of a voltage that is not held back
 
 
@@ -58,12 +59,17 @@ class AmplifierChargeLimit(Loaded):
         return self.inverse_current_density > 0.0
 
     @property
+    def fastest(self) -> float:
+        """Largest rate of the polarization [C/(m^2 s)]."""
+        return rate_of(self.inverse_current_density)
+
+    @property
     def shortcut(self) -> ChargeRate:
         """The polarization of the command, later: the same as long as a leg goes one way."""
-        return ChargeRate(fastest_charge=rate_of(self.inverse_current_density))
+        return ChargeRate(fastest=self.fastest)
 
     def init(self, rest: Rest) -> State:
-        """Last time [s], voltage [V] and P [C/m^2], then the ceramic's state.
+        """Last time [s] and P [C/m^2], then the ceramic's state.
 
         Raises:
             BenchError: a limit without a ceramic behind it.
@@ -73,7 +79,7 @@ class AmplifierChargeLimit(Loaded):
         memory = self._ceramic.init(rest)
         here = Signals(time=np.array([rest.time]), voltage=np.array([rest.voltage]))
         memory, out = self._ceramic.step(memory, here)
-        return np.concatenate(([rest.time, rest.voltage, out.polarization[0]], memory))
+        return _state(here.time, out.polarization, memory)
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Command to the voltage that the current has led to, at the samples."""
@@ -105,16 +111,16 @@ class AmplifierChargeLimit(Loaded):
     def _taken(self, state: State, time: Array, command: Array) -> _Part:
         """As the command goes, whatever that takes."""
         memory, out = self._ceramic.step(state[_HEAD:], Signals(time=time, voltage=command))
-        return _Part(_state(time, command, out.polarization, memory), command, _FREE)
+        return _Part(_state(time, out.polarization, memory), command, _FREE)
 
     def _free(self, state: State, time: Array, command: Array, way: float) -> _Part:
         """As the command goes, up to the first sample that takes more charge than the current brings."""
         memory, out = self._ceramic.step(state[_HEAD:], Signals(time=time, voltage=command))
         change = np.diff(out.polarization, prepend=state[_POLARIZATION])
         steps = np.diff(time, prepend=state[_TIME])
-        beyond = np.flatnonzero((np.abs(change) > self.shortcut.fastest * steps + _SLACK) & (steps > 0.0))
+        beyond = np.flatnonzero((np.abs(change) > self.fastest * steps + _SLACK) & (steps > 0.0))
         if not beyond.size:
-            return _Part(_state(time, command, out.polarization, memory), command, way)
+            return _Part(_state(time, out.polarization, memory), command, way)
         good, next_way = beyond[0], math.copysign(1.0, change[beyond[0]])
         if good == 0:
             return _Part(state, command[:0], next_way)
@@ -122,19 +128,19 @@ class AmplifierChargeLimit(Loaded):
 
     def _held(self, state: State, time: Array, command: Array, way: float) -> _Part:
         """As fast as the current allows, up (1) or down (-1), up to the first sample at which the command is met."""
-        rises = way * self.shortcut.fastest * np.diff(time, prepend=state[_TIME])
+        rises = way * self.fastest * np.diff(time, prepend=state[_TIME])
         polarization = np.cumsum([state[_POLARIZATION], *rises])[1:]  # one by one, the same wherever blocks are cut
         memory, out = self._ceramic.invert(state[_HEAD:], Signals(time=time, polarization=polarization))
         met = np.flatnonzero(way * (command - out.voltage) <= 0.0)
         if not met.size:
-            return _Part(_state(time, out.voltage, polarization, memory), out.voltage, way)
+            return _Part(_state(time, polarization, memory), out.voltage, way)
         if met[0] == 0:
             return _Part(state, command[:0], _FREE)
         return self._held(state, time[: met[0]], command[: met[0]], way)._replace(way=_FREE)
 
 
-def _state(time: Array, voltage: Array, polarization: Array, memory: State) -> State:
-    return np.concatenate(([time[-1], voltage[-1], polarization[-1]], memory))
+def _state(time: Array, polarization: Array, memory: State) -> State:
+    return np.concatenate(([time[-1], polarization[-1]], memory))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,9 +151,4 @@ class ChargeRate(RateLimit):
     section: ClassVar[str] = ACTUATOR
     limited: ClassVar[str] = "polarization"
 
-    fastest_charge: float = math.inf
-
-    @property
-    def fastest(self) -> float:
-        """Largest rate of change [C/(m^2 s)]."""
-        return self.fastest_charge
+    fastest: float = math.inf  # [C/(m^2 s)]

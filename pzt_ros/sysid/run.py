@@ -165,7 +165,7 @@ def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp]
 
 
 def begun(links: Sequence[Link], record: Record, start: Start) -> ChainState:
-    """The states at the first sample, one a link: amplifier and ceramic with the history, all others at rest.
+    """The states at the first sample, one a link: the ceramic and what carries it with the history, others at rest.
 
     Those that follow turns have gone there with the ceramic. A history is reversals of the voltage as it was recorded,
     which only the amplifier takes to the ceramic: what effects made of a command that nobody knows it does not say.
