@@ -91,14 +91,16 @@ class Start:
 
 
 def begins_driven(record: Record) -> bool:
-    """Whether the voltage is up already at the first sample, by 2 % of its peak, or on its way through 0 V there.
+    """Whether the voltage is up already at the first sample, by 2 % of its peak, or on its way to 0 V there.
 
     The record then has a past. A start at 0 V that is recorded some samples late moves away from there.
     """
-    early = record.voltage[:_FEW]
-    first, peak = float(early[0]), float(np.max(np.abs(record.voltage)))
-    passes = abs(first) > _NOT_ZERO * peak and first * float(early[-1]) < 0.0
-    return abs(first) > _AT_REST * peak or passes
+    early = record.voltage[:_FEW] * np.sign(record.voltage[0])
+    first, last = float(early[0]), float(early[-1])
+    peak = float(np.max(np.abs(record.voltage)))
+    falls = bool(np.all(np.diff(early) < 0.0)) and first - last > _NOT_ZERO * peak
+    passes = first > _NOT_ZERO * peak and (last < 0.0 or falls)
+    return first > _AT_REST * peak or passes
 
 
 def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> tuple[float, ...]:

@@ -446,11 +446,13 @@ def test_what_a_thorough_search_took_beyond_may_stay_there() -> None:
         ((0.05, 0.02, -0.1, -0.3), False),  # the zero of a reading
         ((3.0, 3.0, 3.0, 3.0), True),
         ((0.0, 0.0, -0.5, -1.0), False),
+        (1.9 - 0.07 * np.arange(10), True),  # of a court case: it comes to 0 V later
+        (0.05 - 0.002 * np.arange(10), False),
     ],
 )
-def test_a_run_on_its_way_through_zero_has_a_past(first: tuple[float, ...], driven: bool) -> None:
+def test_a_run_on_its_way_through_zero_has_a_past(first: Sequence[float], driven: bool) -> None:
     """A court case: a run inside minor loops began at 0.6 V, was taken to be at rest, and a drift was named."""
-    voltage = np.array([*np.repeat(first, 3)[:10], *(100.0 * np.sin(np.arange(50) / 8.0))])
+    voltage = np.array([*np.repeat(first, 12 // min(len(first), 12))[:10], *(100.0 * np.sin(np.arange(50) / 8.0))])
     record = Record("run", {"time_s": 1e-3 * np.arange(voltage.size), "voltage_V": voltage, "displacement_m": voltage})
     assert begins_driven(record) == driven
 
