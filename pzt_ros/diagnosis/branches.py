@@ -106,15 +106,13 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     blind = search.blind(declared)
     if not search.at_floor(declared) and any(each.takes_all for each in blind):
         return [_on_declared(declared, ()), *_on_densities(relays, asked)]
-    others: list[Branch] = []
-    # elements that slip are tried sooner than effects there; in one hold they take minutes
-    elements_first = declared.fit.ratio > (asked.reachable if blind else asked.in_sight)
-    if elements_first:
-        others = _on_elements(declared, asked, progress, workers)
-        if any(other.final.fit.ratio <= asked.rateless_nameable for other in others):
-            return [_on_declared(declared, ()), *others]
+    elements = _Elements(declared, Search(asked.on_elements(), progress=progress, workers=workers))
+    # they are tried sooner than effects there; in one hold they take minutes
+    if declared.fit.ratio > (asked.reachable if blind else asked.elements_sooner) and elements.tell(asked):
+        return [_on_declared(declared, ()), elements.branch]
     if not blind and declared.fit.ratio > asked.rateless_sooner and relays.tell(asked):
-        return [_on_declared(declared, ()), relays.branch]
+        others = [] if relays.branch.explains(asked) else elements.branches(relays.branch.final, asked)
+        return [_on_declared(declared, ()), relays.branch, *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
     better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
@@ -132,8 +130,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     branch = _on_declared(declared, tuple(steps))
     if search.explains(steps, declared) or (branch.final.effects and _is_near(branch.final, 1.0, asked)):
         return [branch]  # no other could leave so much less that it were believed instead
-    if not elements_first:
-        others = _on_elements(declared, asked, progress, workers)
+    others = elements.branches(branch.final, asked)
     if not any(other.explains(asked) for other in others):
         others += _on_densities(relays, asked)
     if any(other.explains(asked) or _outdoes(other, steps, search) for other in others):
@@ -186,13 +183,64 @@ def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
     yield fitted(declared.staged, declared.staged.start, most_steps=0)
 
 
-def _on_elements(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
-    """The search on elements that slip, where they leave far less than the declared base."""
-    base = fit_bouc_wen(declared, progress)
-    if base is None or base.excess > asked.outdone * declared.excess:
-        return []
-    search = Search(asked.on_elements(), progress=progress, workers=workers)
-    return [Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))]
+@dataclass(frozen=True)
+class _Elements:
+    """Elements that slip in place of a declared density, fitted and searched when they are first asked for.
+
+    Attributes:
+        declared: the fitted declared model.
+        search: on elements.
+    """
+
+    declared: Hypothesis
+    search: Search
+
+    @cached_property
+    def base(self) -> Hypothesis | None:
+        """Without an effect; None where a run has a past."""
+        return fit_bouc_wen(self.declared, self.search.progress)
+
+    @cached_property
+    def branch(self) -> Branch:
+        """The search on it, which has to be there."""
+        assert self.base is not None
+        return self._searched(self.base, self.search)
+
+    def tell(self, asked: Thresholds) -> bool:
+        """Whether they explain all, or leave far less than the declared base and are searched to near the noise."""
+        base = self.base
+        if base is None or base.excess > asked.elements_outdone * self.declared.excess:
+            return False
+        is_far_better = base.excess <= asked.outdone * self.declared.excess
+        is_near = is_far_better and self.branch.final.fit.ratio <= asked.rateless_nameable
+        return is_near or self.branch.explains(asked)
+
+    def branches(self, found: Hypothesis, asked: Thresholds) -> list[Branch]:
+        """The search on elements, where they leave far less than another base beside the same effects or without any.
+
+        A large effect hides by how much they are better, and leads them astray where they are fitted without it: then
+        the search begins with what they are beside it.
+        """
+        if self.base is None:
+            return []
+        beside = fit_bouc_wen(found, self.search.progress) if found.effects else None
+        if beside is not None and beside.excess <= asked.outdone * found.excess:
+            place = _bare(beside)
+            return [self._searched(self.base, dataclasses.replace(self.search, sooner=lambda: [place]))]
+        return [self.branch] if self.base.excess <= asked.outdone * self.declared.excess else []
+
+    @staticmethod
+    def _searched(base: Hypothesis, search: Search) -> Branch:
+        return Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))
+
+
+def _bare(found: Hypothesis) -> Hypothesis:
+    """The base where its effects had taken it."""
+    staged, vector = found.staged, found.vector
+    for name in found.effects:
+        staged, kept = staged.without(name)
+        vector = vector[kept]
+    return fitted(staged, vector, most_steps=0)
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,9 @@ class Thresholds:
         in_sight: rms over noise up to which effects leave so little that the base is taken for right.
         outdone: share of the excess that another base may leave at most for the search on this one to end; and that an
             effect may leave of what another leaves for the two not to be taken for one another easily.
+        elements_sooner, elements_outdone: rms over noise that a base leaves from which elements that slip are tried
+            sooner than effects beside it, and what share of its excess those may leave at most. Where nothing was
+            declared they are tried from the floor on, if they leave less at all.
         instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared.
         rateless_sooner, rateless_outdone: rms over noise that a base leaves from which relays without a rate are tried
             sooner than effects beside it, and what share of its excess those may leave at most. Where nothing was
@@ -108,6 +111,8 @@ class Thresholds:
     trial_promise: float = 0.5
     in_sight: float = 3.0
     outdone: float = 0.25
+    elements_sooner: float = 3.0
+    elements_outdone: float = 0.25
     instead: float = 0.8
     rateless_sooner: float = 3.0
     rateless_outdone: float = 0.25
@@ -144,6 +149,8 @@ class Thresholds:
         return replace(
             self,
             law_tie=self.undeclared_law_tie,
+            elements_sooner=self.floor,
+            elements_outdone=1.0,
             rateless_sooner=self.floor,
             rateless_outdone=self.undeclared_outdone,
         )

@@ -185,7 +185,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
-    monkeypatch.setattr(branches, "_on_elements", lambda *_: [])
+    monkeypatch.setattr(branches, "fit_bouc_wen", lambda *_: None)
     monkeypatch.setattr(branches, "_on_densities", lambda *_: [branches.Branch("identified", leaving(1.0, 1.0), ())])
     first, second = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert len(searched) == (0 if takes_all else 1)
@@ -217,12 +217,44 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     monkeypatch.setattr(branches, "_better", lambda declared, steps: declared)
     free = branches.Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
     monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
-    monkeypatch.setattr(branches, "_on_elements", other("elements"))
+    monkeypatch.setattr(branches._Elements, "branches", other("elements"))
     monkeypatch.setattr(branches, "_on_densities", other("relays"))
     found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert found[0].final is named
     assert found[0].has_free_law is lawful
     assert len(others) == tried
+
+
+@pytest.mark.parametrize(
+    ("alone", "beside", "effects", "begins"),
+    [
+        (1.1, None, (), "base"),  # far less than the declared base, without an effect
+        (5.0, None, (), None),
+        (5.0, 1.0, ("sensor_lag",), "beside"),  # far less only beside what was named there
+        (1.1, 1.4, ("sensor_lag",), "base"),
+        (5.0, 1.4, ("sensor_lag",), None),
+    ],
+)
+def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
+    monkeypatch: pytest.MonkeyPatch, alone: float, beside: float | None, effects: tuple[str, ...], begins: str | None
+) -> None:
+    """A court case: without a lag of 10 x their loops went the other way round; named on them, it left 3.5 x."""
+    declared, found = leaving(6.0, 6.0), leaving(1.6, 1.6, effects=effects)
+    base, there = leaving(alone, alone), leaving(beside or 0.0, beside or 0.0, effects=effects)
+    monkeypatch.setattr(branches, "fit_bouc_wen", lambda found, progress: there if found.effects else base)
+    monkeypatch.setattr(branches, "_bare", lambda found: found)
+    begun: list[Any] = []
+
+    def run(self: Search, found: Any) -> list[Step]:
+        assert found is base
+        begun.extend([*self.sooner(), found])
+        return [Step(found, (), {}, (), (), "")]
+
+    monkeypatch.setattr(Search, "run", run)
+    monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
+    searched = branches._Elements(declared, Search()).branches(found, Thresholds())
+    assert [branch.base for branch in searched] == ([base] if begins else [])
+    assert (begun[0] if begun else None) is {"base": base, "beside": there, None: None}[begins]
 
 
 @pytest.mark.parametrize(
