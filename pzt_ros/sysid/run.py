@@ -98,7 +98,7 @@ def begins_driven(record: Record) -> bool:
     early = record.voltage[:_FEW] * np.sign(record.voltage[0])
     first, last = float(early[0]), float(early[-1])
     peak = float(np.max(np.abs(record.voltage)))
-    falls = bool(np.all(np.diff(early) < 0.0)) and first - last > _NOT_ZERO * peak
+    falls = bool(np.all(np.diff(early) < 0.0))  # noise would not, so often in a row
     passes = first > _NOT_ZERO * peak and (last < 0.0 or falls)
     return first > _AT_REST * peak or passes
 

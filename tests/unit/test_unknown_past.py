@@ -447,6 +447,7 @@ def test_what_a_thorough_search_took_beyond_may_stay_there() -> None:
         ((3.0, 3.0, 3.0, 3.0), True),
         ((0.0, 0.0, -0.5, -1.0), False),
         (1.9 - 0.07 * np.arange(10), True),  # of a court case: it comes to 0 V later
+        (0.36 * np.cos(0.02 * np.arange(10)), True),  # of another: from a turn
         (0.05 - 0.002 * np.arange(10), False),
     ],
 )
