@@ -112,7 +112,10 @@ class Search(Seeker):
     def _wandering_step(
         self, before: Hypothesis, places: Iterable[Hypothesis], others: Sequence[Candidate]
     ) -> Step | None:
-        """Readings that wander beside a hypothesis, fitted from the first place where they explain all."""
+        """Readings that wander beside a hypothesis, fitted from the first place where they explain all, and not little.
+
+        Of a run that was at 1.0502 x the noise they left 1.0498 x.
+        """
         self.progress("refitting with readings that wander" + before.beside)
         name = ThermalDrift.kind
         for place in places:
@@ -121,7 +124,7 @@ class Search(Seeker):
                 continue
             winner = Candidate(name, before, replace(found, effects=(*before.effects, name)))
             step = Step(before, _headed_by(winner, others), {}, (winner,), (), BY_CHANCE)
-            if self.explains([step], before):
+            if winner.share >= self.thresholds.share and self.explains([step], before):
                 return replace(step, tied=self._group(winner, self._beside_chance(winner, others)))
         return None
 
