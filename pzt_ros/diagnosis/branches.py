@@ -95,24 +95,25 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     """
     if declared.staged.has_past:  # what is left of a past must not be won by an effect
         declared = taken_on(declared, asked)
+    densities = _Densities(declared, Search(asked.on_flexible(), progress=progress, workers=workers))
     search = Search(
         asked,
         progress=progress,
         workers=workers,
         origins=lambda: _origins(declared),
         sooner=lambda: with_declared_kinetics(declared),
+        is_lost=lambda: declared.fit.ratio > asked.in_sight and densities.leave_far_less(asked),
     )
-    relays = _Relays(declared, Search(asked.on_flexible(), progress=progress, workers=workers))
     blind = search.blind(declared)
     if not search.at_floor(declared) and any(each.takes_all for each in blind):
-        return [_on_declared(declared, ()), *_on_densities(relays, asked)]
+        return [_on_declared(declared, ()), *_on_densities(densities, asked)]
     elements = _Elements(declared, Search(asked.on_elements(), progress=progress, workers=workers))
     # they are tried sooner than effects there; in one hold they take minutes
     if declared.fit.ratio > (asked.reachable if blind else asked.elements_sooner) and elements.tell(asked):
         return [_on_declared(declared, ()), elements.branch]
-    if not blind and declared.fit.ratio > asked.rateless_sooner and relays.tell(asked):
-        others = [] if relays.branch.explains(asked) else elements.branches(relays.branch.final, asked)
-        return [_on_declared(declared, ()), relays.branch, *others]
+    if not blind and declared.fit.ratio > asked.rateless_sooner and densities.tell(asked):
+        others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
+        return [_on_declared(declared, ()), densities.on_relays, *others]
     steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
     better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
@@ -132,9 +133,13 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
         return [branch]  # no other could leave so much less that it were believed instead
     others = elements.branches(branch.final, asked)
     if not any(other.explains(asked) for other in others):
-        others += _on_densities(relays, asked)
-    if any(other.explains(asked) or _outdoes(other, steps, search) for other in others):
+        others += _on_densities(densities, asked)
+    told = [other for other in others if other.explains(asked) or _outdoes(other, steps, search)]
+    if any(not other.is_all_seen for other in told):
         return [branch, *others]
+    if told:  # a density that was fitted to all says little against two effects beside the declared one
+        paired = search.with_pair(steps, declared)
+        return [_on_declared(declared, tuple(paired)) if search.explains(paired, declared) else branch, *others]
     steps = search.continued([step for step in steps if step.accepted] or steps, declared)
     if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
@@ -244,10 +249,10 @@ def _bare(found: Hypothesis) -> Hypothesis:
 
 
 @dataclass(frozen=True)
-class _Relays:
-    """Relays that know no rate in place of a declared density, identified and searched when they are first asked for.
+class _Densities:
+    """Densities in place of a declared one, identified and searched when they are first asked for.
 
-    To identify them takes seconds, and minutes to search for effects on a base that was wrong.
+    To identify one takes seconds, and minutes to search for effects on a base that was wrong.
 
     Attributes:
         declared: the fitted declared model.
@@ -258,43 +263,53 @@ class _Relays:
     search: Search
 
     @cached_property
-    def base(self) -> Hypothesis | None:
-        """Without an effect; None where a run has a past."""
+    def relays(self) -> Hypothesis | None:
+        """Those that know no rate, without an effect; None where a run has a past."""
         return fit_rate_independent(self.declared, self.search.progress)
 
     @cached_property
-    def branch(self) -> Branch:
-        """The search on it, which has to be there."""
-        assert self.base is not None
-        at_floor = self.search.at_floor(self.base)
-        return Branch("identified", self.base, ()) if at_floor else _on_density(self.base, self.search)
+    def on_relays(self) -> Branch:
+        """The search on them, which have to be there."""
+        assert self.relays is not None
+        at_floor = self.search.at_floor(self.relays)
+        return Branch("identified", self.relays, ()) if at_floor else _on_density(self.relays, self.search)
+
+    @cached_property
+    def lattice(self) -> Hypothesis:
+        """Domains that know a rate, without an effect."""
+        return fit_flexible(self.declared, self.search.progress)
 
     def tell(self, asked: Thresholds) -> bool:
-        """Whether they leave little without an effect, and tell nearly all with one or without."""
-        base = self.base
+        """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""
+        base = self.relays
         if base is None or base.fit.ratio > asked.nameable:
             return False
         if base.excess > asked.rateless_outdone * self.declared.excess:
             return False
-        is_told = self.branch.explains(asked) or _is_told(self.branch, self.search)
-        return is_told and _may_be_named(self.branch, asked)
+        is_told = self.on_relays.explains(asked) or _is_told(self.on_relays, self.search)
+        return is_told and _may_be_named(self.on_relays, asked)
+
+    def leave_far_less(self, asked: Thresholds) -> bool:
+        """Whether one of them leaves so much less without an effect that the declared density is wrong."""
+        most = asked.outdone * self.declared.excess
+        return (self.relays is not None and self.relays.excess < most) or self.lattice.excess < most
 
 
-def _on_densities(relays: _Relays, asked: Thresholds) -> list[Branch]:
+def _on_densities(densities: _Densities, asked: Thresholds) -> list[Branch]:
     """The identified densities that are worth it, with the search on each that leaves something.
 
     Relays that know no rate need no lattice beside them where they explain all, or nearly all of what is missing. Where
     they leave hardly more than a lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
     """
-    declared, search, rateless = relays.declared, relays.search, relays.base
+    search, rateless = densities.search, densities.relays
     progress, workers = search.progress, search.workers
     if rateless is not None and search.at_floor(rateless):
-        return [relays.branch]
-    flexible = fit_flexible(declared, progress)
+        return [densities.on_relays]
+    flexible = densities.lattice
     is_clean = flexible.fit.ratio <= asked.floor  # hardly anything is left there in which an effect could show itself
     found: list[Branch] = []
     if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
-        found = [relays.branch]
+        found = [densities.on_relays]
         if found[0].explains(asked) or _is_told(found[0], search):
             return found
     lattice = dataclasses.replace(search, thresholds=asked.on_lattice())

@@ -106,7 +106,8 @@ class Search(Seeker):
                 return [*others, beside]
         if explained:
             return [*steps]
-        alone = self._wandering_step(base, chain([base], self.origins()), steps[0].candidates)
+        tried = steps[0].candidates
+        alone = self._wandering_step(base, chain([base], self.elsewhere(base, tried)), tried)
         return [alone] if alone else self._beside_wandering(steps, base)
 
     def _wandering_step(

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
@@ -40,6 +39,7 @@ class Seeker(Judge):
         origins: the base in other places, each fitted when it is asked for. A base fitted without an effect bends to
             make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
         sooner: those of them that are tried before the base itself, which went astray.
+        is_lost: whether no origin helps, for the base is wrong; asked where no effect explains anything.
     """
 
     effects: Sequence[Effect] = EFFECTS
@@ -47,6 +47,7 @@ class Seeker(Judge):
     workers: Workers = IN_THIS_PROCESS
     origins: Callable[[], Iterable[Hypothesis]] = lambda: ()
     sooner: Callable[[], Iterable[Hypothesis]] = lambda: ()
+    is_lost: Callable[[], bool] = lambda: False
 
     def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
         """The best refits of each effect, and why the rest was not refitted.
@@ -55,10 +56,16 @@ class Seeker(Judge):
         """
         first = not before.effects and not self.at_floor(before)
         sooner = list(self.sooner()) if first else []
-        places = chain(sooner, [before], self.origins() if first and not self.blind(before) else ())
         candidates: tuple[Candidate, ...] = ()
         refused: dict[str, str] = {}
-        for place in places:
+
+        def places() -> Iterator[Hypothesis]:
+            yield from sooner
+            yield before
+            if first and not self.blind(before):
+                yield from self.elsewhere(before, candidates)
+
+        for place in places():
             found, refused = self._candidates(before, place, most)
             candidates = best_of_each((*candidates, *found))
             # what is elsewhere led astray, or is far from runs whose pasts are not known there
@@ -70,6 +77,12 @@ class Seeker(Judge):
 
     def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
         return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)
+
+    def elsewhere(self, base: Hypothesis, candidates: Sequence[Candidate]) -> Iterable[Hypothesis]:
+        """The origins; none where the base is wrong, and no effect explains half of what is left, nor do two all."""
+        is_a_start = any(c.share >= self.thresholds.share for c in candidates) or self.complementary(candidates)
+        is_lost = not (is_a_start or base.staged.has_past) and self.is_lost()
+        return () if is_lost else self.origins()
 
     def _stands_alone(self, candidates: Sequence[Candidate]) -> bool:
         """Whether one explains nearly all that is left, down to near the noise, and is far ahead of all others."""
@@ -118,13 +131,24 @@ class Seeker(Judge):
         )
         prospects = sorted((refined.get(p.effect.name, p) for p in prospects), key=_left)
         worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
+        found, tried = self._refitted_in_turn(before, worth[: self.thresholds.refits])
         for prospect in prospects:
-            if prospect not in worth[: self.thresholds.refits]:
+            if prospect not in tried:
                 refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
                     f"{_promise(before, worth[0]):.0%} the best" if worth else "too little to look for"
                 )
-        found = self._refitted(before, worth[: self.thresholds.refits])
         return tuple(sorted(found, key=lambda c: c.after.total)), refused
+
+    def _refitted_in_turn(
+        self, before: Hypothesis, worth: Sequence[Prospect]
+    ) -> tuple[list[Candidate], Sequence[Prospect]]:
+        """Those that may be as good as the best refitted, the others only where none of those is enough; and which."""
+        least = self.thresholds.promised * _promise(before, worth[0]) if worth else 0.0
+        first = [prospect for prospect in worth if _promise(before, prospect) >= least]
+        found = self._refitted(before, first)
+        if len(first) == len(worth) or any(c.share >= self.thresholds.share for c in found):
+            return found, first
+        return [*found, *self._refitted(before, worth[len(first) :])], worth
 
     def _is_worth(self, before: Hypothesis, prospect: Prospect) -> bool:
         return before.total - prospect.total > self.thresholds.promise

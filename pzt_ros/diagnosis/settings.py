@@ -69,10 +69,14 @@ class Thresholds:
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
             that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
         refits: candidates that are refitted at most.
+        promised: what a candidate has to promise of what the best promises to be refitted with that; the others are
+            where none of those explains enough.
         most_effects, unchecked_effects: that are added at most; the same where nothing is left that chooses.
         flexible_share, flexible_size: as `share` and `size`, on the flexible base.
         flexible_hopeless: as `hopeless`: that base is all but linear, so a screen is to be believed.
         flexible_told_apart: as `told_apart`, where that is asked.
+        flexible_promised: as `promised` on the flexible base, where refits keep 0.7 to 1.2 of it: those that promise
+            less than half as much do not tie.
         flexible_finish: as `finish_share`: a refit is all but done after its first steps there.
         informed_share: of the excess where it was fitted, and of what a density leaves that was fitted to what chose,
             too, from which an effect is named that explains less where it was not fitted.
@@ -129,6 +133,7 @@ class Thresholds:
     undeclared_law_tie: float = 0.25
     flexible_law_tie: float = 2.5
     refits: int = 4
+    promised: float = 0.0
     most_effects: int = 4
     unchecked_effects: int = 2
     flexible_share: float = 0.6
@@ -138,6 +143,7 @@ class Thresholds:
     flexible_remains: float = 1.10
     flexible_hopeless: float = 8.0
     flexible_told_apart: float = 0.1
+    flexible_promised: float = 0.5
     flexible_finish: float = 0.25
 
     def on_trial(self) -> Thresholds:
@@ -172,6 +178,7 @@ class Thresholds:
             size=self.flexible_size,
             selection_size=self.flexible_size,
             hopeless=self.flexible_hopeless,
+            promised=self.flexible_promised,
             finish_share=self.flexible_finish,
         )
 

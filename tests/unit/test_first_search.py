@@ -12,6 +12,7 @@ import pytest
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import branches, flexible, judge, refinement, seeker
+from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
@@ -37,7 +38,15 @@ def leaving(*ratios: float, effects: tuple[str, ...] = (), name: str = "") -> An
     parts = [Misfit(1000.0 * ratio**2, 1000, 1000.0) for ratio in ratios[:2]]
     total = sum(ratio**2 for ratio in ratios[:2])
     return SimpleNamespace(
-        fit=parts[0], selection=parts[1], ratios=[*ratios], total=total, excess=total - 2.0, effects=effects, name=name
+        fit=parts[0],
+        selection=parts[1],
+        ratios=[*ratios],
+        total=total,
+        excess=total - 2.0,
+        over_noise=0.5 * total,
+        effects=effects,
+        beside="",
+        name=name,
     )
 
 
@@ -139,6 +148,80 @@ def test_a_base_that_went_astray_is_not_asked_first(
     candidates, _ = search._from_anywhere(place("base", slow_relaxation=(3.0, 3.0)), 50.0)
     assert search.seen == seen  # type: ignore[attr-defined]
     assert candidates[0].after.total < 2.2
+
+
+@pytest.mark.parametrize(
+    ("found", "is_lost", "goes_on"),
+    [
+        ({"slow_relaxation": (4.7, 4.7), "thermal_drift": (4.8, 4.8)}, True, False),
+        ({"slow_relaxation": (4.7, 4.7), "thermal_drift": (4.8, 4.8)}, False, True),
+        ({"slow_relaxation": (3.0, 3.0)}, True, True),  # half of what is left: the base may have bent for it
+        ({"slow_relaxation": (3.8, 3.8), "mains_hum": (3.7, 3.7)}, True, True),  # all, between two
+    ],
+)
+def test_a_base_that_is_wrong_is_not_tried_from_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, found: dict[str, tuple[float, float]], is_lost: bool, goes_on: bool
+) -> None:
+    """A court case: 90 s for refits of effects that explained a quarter, on a density that was another."""
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(Places, "is_significant", lambda self, candidate: True)
+    search = Places(origins=lambda: [place("elsewhere")], is_lost=lambda: is_lost)
+    search._from_anywhere(place("base", **found), 50.0)
+    assert search.seen == ["base", *["elsewhere"] * goes_on]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("left", "refitted"), [(1.5, ["lag", "drift"]), (3.5, ["lag", "drift", "curve"])])
+def test_what_promises_less_than_half_is_refitted_where_no_other_is_enough(
+    monkeypatch: pytest.MonkeyPatch, left: float, refitted: list[str]
+) -> None:
+    """On a density a screen is to be believed, and a refit takes up to 10 s."""
+    before = leaving(4.0, 4.0)
+    totals = {"lag": 3.0, "drift": 15.0, "curve": 25.0}
+    worth: Any = [SimpleNamespace(effect=SimpleNamespace(name=name), total=total) for name, total in totals.items()]
+
+    def refit(self: Search, before: Any, prospects: Any) -> list[Candidate]:
+        return [Candidate("sensor_lag", before, leaving(left, left)) for _ in prospects]
+
+    monkeypatch.setattr(Search, "_refitted", refit)
+    found, tried = Search(Thresholds().on_flexible())._refitted_in_turn(before, worth)
+    assert [each.effect.name for each in tried] == refitted
+    assert len(found) == len(tried)
+
+
+@pytest.mark.parametrize(("left", "named"), [(1.04, True), (1.0499, False)])
+def test_readings_that_wander_explain_half_or_nothing(
+    monkeypatch: pytest.MonkeyPatch, left: float, named: bool
+) -> None:
+    """A court case: of 1.0502 x the noise, of a run whose past is not known, they left 1.0498 x, and were named."""
+    before = leaving(1.08, 1.08)
+    before.staged = SimpleNamespace(runs=[])
+    after = leaving(left, left) if named else leaving(1.0799, 1.0799)
+    after.ratios = [left, left]
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(search_module, "wandering", lambda *_: after)
+    monkeypatch.setattr(search_module, "replace", lambda each, **_: each)
+    assert bool(Search()._wandering_step(before, [before], ())) is named
+
+
+def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_a_density_that_saw_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A court case: a hysteresis of the strain with a bias field was the latter alone, 2.3 x in a score run; now 1."""
+    declared = leaving(2.0, 2.0)
+    declared.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
+    both = leaving(1.0, 1.0, effects=("strain_polarization_hysteresis", "bias_field"))
+    seen = branches.Branch("identified", leaving(1.0, 1.0), (), is_all_seen=True)
+    pair = Step(declared, (), {}, (SimpleNamespace(after=both, name="bias_field"),), (), "")  # type: ignore[arg-type]
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(Search, "run", lambda self, found: [Step(found, (), {}, (), (), "")])
+    monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
+    monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: [pair])
+    monkeypatch.setattr(branches, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(branches, "_on_densities", lambda *_: [seen])
+    monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
+    found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    assert found[0].final is both
+    assert branches.chosen_of(found, Thresholds()) is found[0]
 
 
 def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,9 +365,9 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(base, (), {}, (winner,), (), "")])  # type: ignore[arg-type]
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
     asked = Thresholds() if declares else Thresholds().on_undeclared()
-    relays = branches._Relays(declared, Search(asked.on_flexible()))
-    assert relays.tell(asked) is named
-    assert not named or relays.branch.final is (base if alone == 1.0 else final)
+    densities = branches._Densities(declared, Search(asked.on_flexible()))
+    assert densities.tell(asked) is named
+    assert not named or densities.on_relays.final is (base if alone == 1.0 else final)
 
 
 @pytest.mark.parametrize(("left", "effects", "is_so"), [(1.04, 1, True), (1.3, 1, False), (1.04, 0, False)])
