@@ -18,7 +18,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.refinement import polished, taken_on
 from pzt_ros.diagnosis.seeker import Seeker
-from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.diagnosis.wandering import BY_CHANCE, wandering
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.table import EFFECT_OF
@@ -187,7 +187,9 @@ class Search(Seeker):
         base_instead = self._base_instead_of(winner) if self.is_enough(winner) else None
         if self.is_enough(winner) and base_instead is None:
             tied = self._tied(winner, [c for c in candidates if c in sound or self.is_outvoted(winner, c)])
-            return Step(before, candidates, refused, (winner,), tied, f"explains {winner.share:.0%} of the excess")
+            winner = self._with_law(winner) if STRAIN_LAW in tied else winner
+            verdict = f"explains {winner.share:.0%} of the excess"
+            return Step(before, _headed_by(winner, candidates), refused, (winner,), tied, verdict)
         known = self._informed(candidates, sound)
         if known:
             best, tied, verdict = known
@@ -263,6 +265,14 @@ class Search(Seeker):
         if winner.cause == SensorNonlinearity.kind and self._is_law_as_good(winner):
             alike.append(STRAIN_LAW)
         return (winner.name, *alike) if alike else ()
+
+    def _with_law(self, curve: Candidate) -> Candidate:
+        """A curve of the sensor that a strain law ties with; with such a law beside it where both together explain all.
+
+        What neither has alone must not be taken for another effect: beside elements that slip it was a hum.
+        """
+        freed = None if self.at_floor(curve.after) else with_free_law(curve.after)
+        return replace(curve, after=freed) if freed is not None and self.at_floor(freed) else curve
 
     def _is_law_as_good(self, winner: Candidate) -> bool:
         self.progress("refitting with a strain law of higher order" + winner.before.beside)

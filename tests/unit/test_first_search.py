@@ -203,6 +203,17 @@ def test_readings_that_wander_explain_half_or_nothing(
     assert bool(Search()._wandering_step(before, [before], ())) is named
 
 
+@pytest.mark.parametrize(("left", "together", "taken"), [(1.07, 1.01, True), (1.07, 1.06, False), (1.04, 1.0, False)])
+def test_what_a_curve_and_a_law_leave_only_one_by_one_is_no_other_effect(
+    monkeypatch: pytest.MonkeyPatch, left: float, together: float, taken: bool
+) -> None:
+    """A court case: a curve under elements that slip left 1.08 x, and and a hum or a relaxation was there, too."""
+    curve, both = leaving(left, left), leaving(together, together)
+    monkeypatch.setattr(search_module, "with_free_law", lambda found: both)
+    found = Search()._with_law(Candidate("sensor_nonlinearity", leaving(1.7, 1.7), curve))
+    assert found.after is (both if taken else curve)
+
+
 def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_a_density_that_saw_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
