@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pzt_ros.diagnosis.baselines import baselines
-from pzt_ros.diagnosis.branches import Branch, branches_of, chosen_of
+from pzt_ros.diagnosis.branch import Branch
+from pzt_ros.diagnosis.branches import branches_of, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import SCORE, RunData, split

@@ -24,7 +24,8 @@ from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose, final_fit
 from pzt_ros.diagnosis import search as search_of_effects
 from pzt_ros.diagnosis.base import fit_declared
-from pzt_ros.diagnosis.branches import Branch, _on_all_seen, _trusted, chosen_of
+from pzt_ros.diagnosis.branch import Branch
+from pzt_ros.diagnosis.branches import _trusted, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, slow_curves, split
@@ -42,6 +43,7 @@ from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.informed import informed
+from pzt_ros.diagnosis.other_bases import _on_all_seen
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.refinement import detailed, off_bounds, refits
 from pzt_ros.diagnosis.remains import remains_of

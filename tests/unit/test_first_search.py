@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import branches, flexible, judge, refinement, seeker
+from pzt_ros.diagnosis import branches, flexible, judge, other_bases, refinement, seeker
 from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
@@ -221,14 +222,14 @@ def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_
     declared = leaving(2.0, 2.0)
     declared.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
     both = leaving(1.0, 1.0, effects=("strain_polarization_hysteresis", "bias_field"))
-    seen = branches.Branch("identified", leaving(1.0, 1.0), (), is_all_seen=True)
+    seen = Branch("identified", leaving(1.0, 1.0), (), is_all_seen=True)
     pair = Step(declared, (), {}, (SimpleNamespace(after=both, name="bias_field"),), (), "")  # type: ignore[arg-type]
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(found, (), {}, (), (), "")])
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: [pair])
-    monkeypatch.setattr(branches, "fit_bouc_wen", lambda *_: None)
-    monkeypatch.setattr(branches, "_on_densities", lambda *_: [seen])
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(branches, "on_densities", lambda *_: [seen])
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
     found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert found[0].final is both
@@ -279,8 +280,8 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
-    monkeypatch.setattr(branches, "fit_bouc_wen", lambda *_: None)
-    monkeypatch.setattr(branches, "_on_densities", lambda *_: [branches.Branch("identified", leaving(1.0, 1.0), ())])
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
     first, second = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert len(searched) == (0 if takes_all else 1)
     assert (first.density, second.density) == ("gaussian", "identified")
@@ -299,7 +300,7 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     others: list[str] = []
 
     def other(name: str) -> Any:
-        return lambda *_: others.append(name) or [branches.Branch("identified", leaving(1.0, 1.0), ())]
+        return lambda *_: others.append(name) or [Branch("identified", leaving(1.0, 1.0), ())]
 
     step = Step(declared, (), {}, (SimpleNamespace(after=named, name="sensor_lag"),), (), "")
     monkeypatch.setattr(Search, "run", lambda self, found: [step])
@@ -309,10 +310,10 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(Search, "is_outdone", lambda self, steps, base: True)
     monkeypatch.setattr(branches, "_better", lambda declared, steps: declared)
-    free = branches.Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
+    free = Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
     monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
-    monkeypatch.setattr(branches._Elements, "branches", other("elements"))
-    monkeypatch.setattr(branches, "_on_densities", other("relays"))
+    monkeypatch.setattr(other_bases.Elements, "branches", other("elements"))
+    monkeypatch.setattr(branches, "on_densities", other("relays"))
     found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert found[0].final is named
     assert found[0].has_free_law is lawful
@@ -335,8 +336,8 @@ def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
     """A court case: without a lag of 10 x their loops went the other way round; named on them, it left 3.5 x."""
     declared, found = leaving(6.0, 6.0), leaving(1.6, 1.6, effects=effects)
     base, there = leaving(alone, alone), leaving(beside or 0.0, beside or 0.0, effects=effects)
-    monkeypatch.setattr(branches, "fit_bouc_wen", lambda found, progress: there if found.effects else base)
-    monkeypatch.setattr(branches, "_bare", lambda found: found)
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda found, progress: there if found.effects else base)
+    monkeypatch.setattr(other_bases, "_bare", lambda found: found)
     begun: list[Any] = []
 
     def run(self: Search, found: Any) -> list[Step]:
@@ -346,7 +347,7 @@ def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
 
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
-    searched = branches._Elements(declared, Search()).branches(found, Thresholds())
+    searched = other_bases.Elements(declared, Search()).branches(found, Thresholds())
     assert [branch.base for branch in searched] == ([base] if begins else [])
     assert (begun[0] if begun else None) is {"base": base, "beside": there, None: None}[begins]
 
@@ -372,11 +373,11 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     for each in (base, final):
         each.choosing, each.staged = True, SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=True))
     winner = SimpleNamespace(after=final, name="amplifier_bandwidth")
-    monkeypatch.setattr(branches, "fit_rate_independent", lambda declared, progress: base)
+    monkeypatch.setattr(other_bases, "fit_rate_independent", lambda declared, progress: base)
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(base, (), {}, (winner,), (), "")])  # type: ignore[arg-type]
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
     asked = Thresholds() if declares else Thresholds().on_undeclared()
-    densities = branches._Densities(declared, Search(asked.on_flexible()))
+    densities = other_bases.Densities(declared, Search(asked.on_flexible()))
     assert densities.tell(asked) is named
     assert not named or densities.on_relays.final is (base if alone == 1.0 else final)
 
@@ -389,7 +390,7 @@ def test_a_density_that_bent_for_an_effect_shows_it_where_it_was_not_fitted(
     flexible, found = leaving(1.01, 1.5, 1.6), leaving(1.0, left, left, effects=("sensor_lag",) * effects)
     monkeypatch.setattr(Search, "run", lambda self, base: [Step(base, (), {}, (), (), "")])
     monkeypatch.setattr(Step, "after", property(lambda self: found))
-    branch = branches._foretold(flexible, Search())
+    branch = other_bases._foretold(flexible, Search())
     assert (branch is not None) is is_so
     assert branch is None or (branch.base is flexible and branch.density == "identified")
 
@@ -403,7 +404,7 @@ def test_two_more_are_not_sought_beside_one_that_explains_nearly_all_on_a_densit
     step = Step(leaving(10.0, 10.0), (), {}, (SimpleNamespace(after=found, name="polarization_fatigue"),), (), "")
     monkeypatch.setattr(Search, "run", lambda self, base: [step])
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: asked.append(base) or steps)
-    branch = branches._on_density(step.before, Search())
+    branch = other_bases._on_density(step.before, Search())
     assert branch.final is found
     assert len(asked) == pairs
 
@@ -423,7 +424,7 @@ def test_what_a_clean_density_leaves_of_other_runs_is_its_own_matter(
     """Nulls of other densities, 1.0 x where all was fitted, had something missing: 1.06 to 1.6 x where nothing was."""
     base = leaving(fit, 1.0, 1.0)
     base.staged = SimpleNamespace(runs=[SimpleNamespace(picks={part: []})])
-    assert _is_sparse(branches.Branch(density, base, ()), Thresholds()) is is_so
+    assert _is_sparse(Branch(density, base, ()), Thresholds()) is is_so
 
 
 @pytest.mark.parametrize(("made_up", "driven"), [([True, False], [False, True]), ([False, True], [False, True])])

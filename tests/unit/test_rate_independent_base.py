@@ -13,7 +13,8 @@ import pytest
 from pzt_benchmarks.residual_court.cases import Spec, make_case
 from pzt_benchmarks.residual_court.files import write_case
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis.branches import Branch, _trusted
+from pzt_ros.diagnosis.branch import Branch
+from pzt_ros.diagnosis.branches import _trusted
 from pzt_ros.diagnosis.candidates import Step
 from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach

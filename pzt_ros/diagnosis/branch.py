@@ -1,0 +1,62 @@
+"""The search for effects on one base: what it found, and whether that is to be believed."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from pzt_ros.diagnosis.candidates import Step, share_of
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.settings import Thresholds
+
+
+@dataclass(frozen=True)
+class Branch:
+    """The search on one base.
+
+    Attributes:
+        density: of its domains: "gaussian" as declared, "identified" from the runs, "none" where it has one or none.
+        base: without an effect.
+        steps: of the search.
+        is_all_seen: whether it was fitted to what chooses, too.
+        has_free_law: whether its strain law has more powers than were declared.
+    """
+
+    density: str
+    base: Hypothesis
+    steps: tuple[Step, ...]
+    is_all_seen: bool = False
+    has_free_law: bool = False
+
+    @property
+    def final(self) -> Hypothesis:
+        """Where it ended."""
+        return self.steps[-1].after if self.steps else self.base
+
+    def without_names(self, but: str) -> Branch:
+        """The same with every name taken back, and why."""
+        steps = [
+            dataclasses.replace(step, before=self.base, accepted=(), tied=(), verdict=f"{step.verdict}, but {but}")
+            for step in self.steps
+        ]
+        return dataclasses.replace(self, steps=tuple(steps))
+
+    def explains(self, asked: Thresholds) -> bool:
+        """Whether nothing is left that would have to be explained."""
+        return Search(asked).explains(self.steps, self.base)
+
+    def is_told(self, asked: Thresholds) -> bool:
+        """Whether its effects tell nearly all that its base leaves."""
+        return bool(self.final.effects) and share_of(self.base, self.final) > asked.whole
+
+    def may_be_named(self, asked: Thresholds) -> bool:
+        """Whether what is left lets names be trusted; a tie claims less than a name, so less is asked of it."""
+        left = self.final.fit.ratio
+        knows_no_rate = self.base.staged.ceramic.knows_no_rate
+        if left > (asked.rateless_nameable if knows_no_rate else asked.nameable):
+            return False
+        alone = any(step.accepted and not step.tied for step in self.steps)
+        if alone and not self.final.choosing and left > asked.unchecked_nameable:
+            return False
+        return left <= asked.doubtful or not alone or share_of(self.base, self.final) >= asked.pair_share

@@ -1,0 +1,193 @@
+"""Bases in place of a declared ceramic: elements that slip, relays that know no rate, a lattice; with their effects."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+
+from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
+from pzt_ros.diagnosis.branch import Branch
+from pzt_ros.diagnosis.final_fit import fitted_to_all
+from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.parallel import Workers
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements that slip in place of a declared density, fitted and searched when they are first asked for.
+
+    Attributes:
+        declared: the fitted declared model.
+        search: on elements.
+    """
+
+    declared: Hypothesis
+    search: Search
+
+    @cached_property
+    def base(self) -> Hypothesis | None:
+        """Without an effect; None where a run has a past."""
+        return fit_bouc_wen(self.declared, self.search.progress)
+
+    @cached_property
+    def branch(self) -> Branch:
+        """The search on it, which has to be there."""
+        assert self.base is not None
+        return self._searched(self.base, self.search)
+
+    def tell(self, asked: Thresholds) -> bool:
+        """Whether they explain all, or leave far less than the declared base and are searched to near the noise."""
+        base = self.base
+        if base is None or base.excess > asked.elements_outdone * self.declared.excess:
+            return False
+        is_far_better = base.excess <= asked.outdone * self.declared.excess
+        is_near = is_far_better and self.branch.final.fit.ratio <= asked.rateless_nameable
+        return is_near or self.branch.explains(asked)
+
+    def branches(self, found: Hypothesis, asked: Thresholds) -> list[Branch]:
+        """The search on elements, where they leave far less than another base beside the same effects or without any.
+
+        A large effect hides by how much they are better, and leads them astray where they are fitted without it: then
+        the search begins with what they are beside it.
+        """
+        if self.base is None:
+            return []
+        beside = fit_bouc_wen(found, self.search.progress) if found.effects else None
+        if beside is not None and beside.excess <= asked.outdone * found.excess:
+            place = _bare(beside)
+            return [self._searched(self.base, dataclasses.replace(self.search, sooner=lambda: [place]))]
+        return [self.branch] if self.base.excess <= asked.outdone * self.declared.excess else []
+
+    @staticmethod
+    def _searched(base: Hypothesis, search: Search) -> Branch:
+        return Branch("none", base, () if search.at_floor(base) else tuple(search.with_pair(search.run(base), base)))
+
+
+def _bare(found: Hypothesis) -> Hypothesis:
+    """The base where its effects had taken it."""
+    staged, vector = found.staged, found.vector
+    for name in found.effects:
+        staged, kept = staged.without(name)
+        vector = vector[kept]
+    return fitted(staged, vector, most_steps=0)
+
+
+@dataclass(frozen=True)
+class Densities:
+    """Densities in place of a declared one, identified and searched when they are first asked for.
+
+    To identify one takes seconds, and minutes to search for effects on a base that was wrong.
+
+    Attributes:
+        declared: the fitted declared model.
+        search: on a flexible base.
+    """
+
+    declared: Hypothesis
+    search: Search
+
+    @cached_property
+    def relays(self) -> Hypothesis | None:
+        """Those that know no rate, without an effect; None where a run has a past."""
+        return fit_rate_independent(self.declared, self.search.progress)
+
+    @cached_property
+    def on_relays(self) -> Branch:
+        """The search on them, which have to be there."""
+        assert self.relays is not None
+        at_floor = self.search.at_floor(self.relays)
+        return Branch("identified", self.relays, ()) if at_floor else _on_density(self.relays, self.search)
+
+    @cached_property
+    def lattice(self) -> Hypothesis:
+        """Domains that know a rate, without an effect."""
+        return fit_flexible(self.declared, self.search.progress)
+
+    def tell(self, asked: Thresholds) -> bool:
+        """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""
+        base = self.relays
+        if base is None or base.fit.ratio > asked.nameable:
+            return False
+        if base.excess > asked.rateless_outdone * self.declared.excess:
+            return False
+        is_told = self.on_relays.explains(asked) or self.on_relays.is_told(self.search.thresholds)
+        return is_told and self.on_relays.may_be_named(asked)
+
+    def leave_far_less(self, asked: Thresholds) -> bool:
+        """Whether one of them leaves so much less without an effect that the declared density is wrong."""
+        most = asked.outdone * self.declared.excess
+        return (self.relays is not None and self.relays.excess < most) or self.lattice.excess < most
+
+
+def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
+    """The identified densities that are worth it, with the search on each that leaves something.
+
+    Relays that know no rate need no lattice beside them where they explain all, or nearly all of what is missing. Where
+    they leave hardly more than a lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
+    """
+    search, rateless = densities.search, densities.relays
+    progress, workers = search.progress, search.workers
+    if rateless is not None and search.at_floor(rateless):
+        return [densities.on_relays]
+    flexible = densities.lattice
+    is_clean = flexible.fit.ratio <= asked.floor  # hardly anything is left there in which an effect could show itself
+    found: list[Branch] = []
+    if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
+        found = [densities.on_relays]
+        if found[0].explains(asked) or found[0].is_told(search.thresholds):
+            return found
+    lattice = dataclasses.replace(search, thresholds=asked.on_lattice())
+    foretold = _foretold(flexible, lattice) if is_clean and not search.at_floor(flexible) else None
+    if foretold is not None:
+        return [*found, foretold]
+    seen = _on_all_seen(flexible, asked, progress, workers)
+    if is_clean or seen.explains(asked):
+        return [*found, seen]
+    alone = _on_density(flexible, lattice)
+    tells_more = bool(seen.final.effects) and seen.may_be_named(asked) and not alone.final.effects
+    return [*found, seen if tells_more else alone]  # without a name, how well it fits what it saw says nothing
+
+
+def _foretold(flexible: Hypothesis, search: Search) -> Branch | None:
+    """The search on a density that is clean where it was fitted and off where not, if it ends near the noise in both.
+
+    A density that bends for an effect describes the runs that it was fitted to, and no others: a hysteresis of the
+    strain of 3 x was no more than 1 % of their noise. Where it is only undetermined, no effect that is fitted with it
+    mends that.
+    """
+    steps = search.run(flexible)
+    branch = Branch("identified", flexible, tuple(steps))
+    is_near = max(branch.final.ratios) <= search.thresholds.near_floor
+    return branch if is_near and branch.final.effects else None
+
+
+def _on_density(base: Hypothesis, search: Search) -> Branch:
+    """The search on a density; two effects at once are not sought beside one that explains nearly all.
+
+    What is left then is what the density is off by, or the shape of the effect: beside a fatigue of 10 x a drift and a
+    bias field were named.
+    """
+    branch = Branch("identified", base, tuple(search.run(base)))
+    if branch.is_told(search.thresholds):
+        return branch
+    return dataclasses.replace(branch, steps=tuple(search.with_pair(branch.steps, base)))
+
+
+def _on_all_seen(flexible: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:
+    """The search on a density that was fitted to what chooses, too, if it has to bend for both.
+
+    A density that few runs determine takes up what an effect does there, and what chooses then shows what it is off by
+    rather than the effect. Beside nothing that is missing it comes down to the noise in all that is seen.
+    """
+    search = Search(asked.on_all_seen(), progress=progress, workers=workers)
+    if search.at_floor(flexible):
+        return Branch("identified", flexible, ())
+    progress("identifying the density from what chooses, too")
+    seen = fitted_to_all(flexible)
+    steps = [] if search.at_floor(seen) else search.run(seen)
+    return Branch("identified", seen, tuple(steps), is_all_seen=True)
