@@ -175,6 +175,23 @@ def test_help_shows_an_example(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert "pzt diagnose" in capsys.readouterr().out.partition("Example:")[2]
 
 
+def test_a_first_rise_is_compared_with_a_rise() -> None:
+    """A court case was refused: 91 nm/V on the way up from rest, 30 on the way down that took most of the other run."""
+    time = np.arange(COUNT) * 1e-3
+    up = np.interp(time, [0.0, 2.0], [0.0, 150.0])
+    there_and_back = np.interp(time, [0.0, 0.2, 2.0], [0.0, 150.0, 0.0])
+    fall = np.where(time > 0.2, 30e-9 * there_and_back + 150.0 * 61e-9, 91e-9 * there_and_back)
+    noise = NOISE * np.random.default_rng(6).standard_normal(COUNT)
+    rises, falls = (
+        Record(name, {"time_s": time, "voltage_V": voltage, "displacement_m": moved + noise})
+        for name, voltage, moved in (("up", up, 91e-9 * up), ("back", there_and_back, fall))
+    )
+    check_runs([rises], [falls])
+    scaled = with_columns(falls, displacement_m=4.0 * falls.displacement)
+    with pytest.raises(BenchError, match=r"back: moves by 364 nm/V where up moves by 91 nm/V"):
+        check_runs([rises], [scaled])
+
+
 def test_runs_of_one_actuator_may_differ_as_a_ceramic_does() -> None:
     """Small and large loops, another zero, drift of half the motion: none of that is another actuator."""
     whole, part = record("whole"), record("part", volts=40.0, seed=1)
