@@ -70,10 +70,11 @@ def rivals_of(found: Sequence[Candidate]) -> list[Candidate]:
 def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Workers) -> tuple[Candidate, ...]:
     """Those that explain enough at their bottom, the best taken on for as long as it comes down.
 
-    What a refit leaves that could come further would make others look as good.
+    What a refit leaves that could come further would make others look as good. Where none explains a fifth, none would
+    come to half.
     """
-    if not candidates:
-        return candidates
+    if max((candidate.fit_share for candidate in candidates), default=0.0) < asked.half_share:
+        return tuple(sorted(candidates, key=lambda c: c.after.total))
     bent = [candidate for candidate in candidates if candidate.fit_share >= asked.share]
     afters = workers.map(to_the_bottom, workers.map(stiffened, [each.after for each in bent], repeat(asked)))
     held = {candidate.name: after for candidate, after in zip(bent, afters, strict=True)}
