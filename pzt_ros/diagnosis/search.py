@@ -39,7 +39,12 @@ class Search(Seeker):
         """The run that began with these steps."""
         found = self._decided([*steps], base)
         while self._goes_on(found, base):
-            found = self._renewed(self._decided([*found, self.step(found[-1].after)], base), base)
+            step = self.step(found[-1].after)
+            there = step.base_instead
+            if there is not None and there.total <= _COMES_DOWN * found[-1].after.total:
+                found = _ending_at(found, there)
+            else:
+                found = self._renewed(self._decided([*found, step], base), base)
         return self._weighed(found)
 
     def _renewed(self, steps: list[Step], base: Hypothesis) -> list[Step]:
@@ -54,11 +59,7 @@ class Search(Seeker):
                 best = min((best, *self._anew(best, name)), key=lambda found: found.total)
             if self.at_floor(best) or best.total > _COMES_DOWN * former.total:
                 break
-        if best is last.after:
-            return steps
-        found = replace(last.accepted[-1], after=best)
-        candidates = _headed_by(found, last.candidates)
-        return [*steps[:-1], replace(last, candidates=candidates, accepted=(*last.accepted[:-1], found))]
+        return steps if best is last.after else _ending_at(steps, best)
 
     def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
         """The steps, or one more where that explains what kept the last from being decided."""
@@ -299,6 +300,14 @@ class Search(Seeker):
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
+
+
+def _ending_at(steps: Sequence[Step], found: Hypothesis) -> list[Step]:
+    """The steps with the same effects fitted elsewhere in the end."""
+    last = steps[-1]
+    winner = replace(last.accepted[-1], after=found)
+    candidates = _headed_by(winner, last.candidates)
+    return [*steps[:-1], replace(last, candidates=candidates, accepted=(*last.accepted[:-1], winner))]
 
 
 def _headed_by(winner: Candidate, candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
