@@ -47,6 +47,11 @@ def _is_near(found: Hypothesis, other: float, asked: Thresholds) -> bool:
     return max(found.ratios) < asked.near_floor and found.over_noise <= asked.plainer * other
 
 
+def _is_as_near_as_a_past(found: Hypothesis, declared: Hypothesis, asked: Thresholds) -> bool:
+    """Whether no more is left beside unknown pasts than the few reversals are off by that stand for them."""
+    return declared.staged.has_past and max(found.ratios) < asked.near_floor
+
+
 def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """On the declared base and, where that leaves something, on others.
 
@@ -87,10 +92,12 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     lawful = _on_free_law(declared, steps, search)
     if lawful is not None:
         return [lawful]
-    if declared.fit.ratio <= asked.reachable:
+    is_as_near = _is_as_near_as_a_past(steps[-1].after, declared, asked)
+    if declared.fit.ratio <= asked.reachable and not is_as_near:
         steps = search.with_wandering(steps, declared)
     branch = _on_declared(declared, tuple(steps))
-    if search.explains(steps, declared) or (branch.final.effects and _is_near(branch.final, 1.0, asked)):
+    is_named_near = branch.final.effects and _is_near(branch.final, 1.0, asked)
+    if search.explains(steps, declared) or is_named_near or is_as_near:
         return [branch]  # no other could leave so much less that it were believed instead
     others = elements.branches(branch.final, asked)
     if not any(other.explains(asked) for other in others):

@@ -215,6 +215,26 @@ def test_what_a_curve_and_a_law_leave_only_one_by_one_is_no_other_effect(
     assert found.after is (both if taken else curve)
 
 
+@pytest.mark.parametrize(("has_past", "left", "asked"), [(True, 1.07, 0), (True, 1.3, 1), (False, 1.07, 1)])
+def test_what_a_past_is_off_by_is_no_drift_by_chance(
+    monkeypatch: pytest.MonkeyPatch, has_past: bool, left: float, asked: int
+) -> None:
+    """A court case: three reversals stood for a past but for 7 %, and readings that wander took that up."""
+    declared = leaving(1.01, left)
+    declared.staged = SimpleNamespace(has_past=has_past, runs=[], chain=load_chain("p802"))
+    wanders: list[Any] = []
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(Search, "run", lambda self, found: [Step(found, (), {}, (), (), "")])
+    monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: wanders.append(base) or steps)
+    monkeypatch.setattr(branches, "taken_on", lambda found, asked: found)
+    monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
+    found = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    assert len(wanders) == asked
+    assert len(found) == 1 + asked
+
+
 def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_a_density_that_saw_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -252,6 +272,24 @@ def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monke
     (branch,) = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert branch.base is better
     assert searched == [declared, better]
+
+
+@pytest.mark.parametrize(("left", "steps"), [(1.01, 1), (1.69, 2)])
+def test_a_second_effect_may_lead_the_first_to_where_it_explains_all(
+    monkeypatch: pytest.MonkeyPatch, left: float, steps: int
+) -> None:
+    """A court case: a curve left 1.7 x beside a wrong past; fatigue led to the right one, and it was enough."""
+    declared, curved = leaving(5.0, 5.0), leaving(1.7, 1.7, effects=("sensor_nonlinearity",))
+    there = leaving(left, left, effects=("sensor_nonlinearity",))
+    curve = Candidate("sensor_nonlinearity", declared, curved)
+    first = Step(declared, (curve,), {}, (curve,), (), "")
+    monkeypatch.setattr(Search, "step", lambda self, found: Step(found, (), {}, (), (), "", there))
+    monkeypatch.setattr(Search, "may_be_decided", lambda self, step: False)
+    monkeypatch.setattr(Search, "_weighed", lambda self, steps: steps)
+    found = Search().continued([first], declared)
+    assert len(found) == steps
+    assert found[0].accepted[0].after is (there if steps == 1 else curved)
+    assert found[-1].after.effects == ("sensor_nonlinearity",)
 
 
 def test_a_base_that_gains_next_to_nothing_is_no_reason_to_begin_anew() -> None:
