@@ -35,6 +35,7 @@ from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
 from pzt_ros.diagnosis.remarks import LAW, SPARSE, WORSE, of_readings, of_samples
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
+from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.undeclared import fit_base, has_powers
@@ -165,7 +166,10 @@ class _Reached(NamedTuple):
 
 
 def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers) -> _Reached:
-    """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go."""
+    """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go.
+
+    A straight drift does not go before it was tried as readings that wander.
+    """
     ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
     fits = list(workers.map(_last_fit, ends, repeat(chosen.density), repeat(runs), repeat(asked)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
@@ -175,6 +179,10 @@ def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
         return _Reached(chosen, fits[-1], baseline, model, before, after, ())
+    if not any(run.wander for run in chosen.final.staged.runs):  # a drift foretells wrongly what goes its own way
+        steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
+        if steps:
+            return _reached(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers)
     remark = WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
     return _Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,))

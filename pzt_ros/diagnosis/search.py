@@ -111,6 +111,15 @@ class Search(Seeker):
         alone = self._wandering_step(base, chain([base], self.elsewhere(base, tried)), tried)
         return [alone] if alone else self._beside_wandering(steps, base)
 
+    def with_last_drift_wandering(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
+        """The steps with readings that wander in place of a straight drift in the end; none where that fails."""
+        others = _without_last_drift(steps)
+        if len(others) == len(steps):
+            return []
+        before = others[-1].after if others else base
+        step = self._wandering_step(before, [before], steps[-1].candidates)
+        return [*others, step] if step and self.explains([*others, step], base) else []
+
     def _wandering_step(
         self, before: Hypothesis, places: Iterable[Hypothesis], others: Sequence[Candidate]
     ) -> Step | None:

@@ -235,6 +235,26 @@ def test_what_a_past_is_off_by_is_no_drift_by_chance(
     assert len(found) == 1 + asked
 
 
+@pytest.mark.parametrize(
+    ("last", "explains", "ends"),
+    [("thermal_drift", True, ["lag", "by chance"]), ("thermal_drift", False, []), ("sensor_curve", True, [])],
+)
+def test_a_drift_that_foretells_wrongly_may_go_its_own_way(
+    monkeypatch: pytest.MonkeyPatch, last: str, explains: bool, ends: list[str]
+) -> None:
+    """A court case: a straight drift, 95 % of what chose, foretold the other half worse than none did."""
+    before, lagging = leaving(4.0, 4.0), leaving(2.0, 2.0, effects=("sensor_lag",))
+    named: Any = [SimpleNamespace(name=name, after=lagging) for name in ("sensor_lag", last)]
+    steps = [Step(before, (), {}, (each,), (), verdict) for each, verdict in zip(named, ("lag", "last"), strict=True)]
+    chance = Step(lagging, (), {}, (), (), "by chance")
+    places: list[Any] = []
+    monkeypatch.setattr(Search, "_wandering_step", lambda self, found, where, others: places.extend(where) or chance)
+    monkeypatch.setattr(Search, "explains", lambda self, steps, base: explains)
+    found = Search().with_last_drift_wandering(steps, before)
+    assert [step.verdict for step in found] == ends
+    assert all(each is lagging for each in places)
+
+
 def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_a_density_that_saw_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
