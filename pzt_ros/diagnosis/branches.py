@@ -61,6 +61,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     """
     if declared.staged.has_past:  # what is left of a past must not be won by an effect
         declared = taken_on(declared, asked)
+    if _is_as_near_as_a_past(declared, declared, asked):
+        return [_on_declared(declared, ())]
     densities = Densities(declared, Search(asked.on_flexible(), progress=progress, workers=workers))
     search = Search(
         asked,
