@@ -111,9 +111,10 @@ def _report(
     tied = tuple(tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied)
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
-    is_rough = chosen.density == "identified" or chosen.final.staged.has_past
-    floor = asked.flexible_remains if is_rough else asked.floor
-    remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, _SLOW_FLOOR)
+    has_past = chosen.final.staged.has_past  # a few reversals are off by something slow
+    floor = asked.flexible_remains if has_past or chosen.density == "identified" else asked.floor
+    slow_floor = math.inf if has_past else _SLOW_FLOOR
+    remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, slow_floor)
     sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
     if sparse:
         remains = dataclasses.replace(remains, present=False)
