@@ -171,6 +171,20 @@ def test_a_base_that_is_wrong_is_not_tried_from_elsewhere(
     assert search.seen == ["base", *["elsewhere"] * goes_on]  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(("left", "taken"), [(3.9, 0), (3.0, 1)])
+def test_what_explains_next_to_nothing_is_not_polished(
+    monkeypatch: pytest.MonkeyPatch, left: float, taken: int
+) -> None:
+    """A court case: a minute was spent on a curve that explained 17 % and came no further."""
+    before, polishes = leaving(4.0, 4.0), []
+    found = [Candidate(name, before, leaving(at, at)) for name, at in (("a", 3.95), ("b", left))]
+    monkeypatch.setattr(refinement, "taken_on", lambda best, asked: polishes.append(best) or best)
+    monkeypatch.setattr(refinement, "with_histories_of", lambda rival, best: rival)
+    polished = refinement.polished(tuple(found), Thresholds(), IN_THIS_PROCESS)
+    assert [each.name for each in polished] == ["b", "a"]
+    assert len(polishes) == taken
+
+
 @pytest.mark.parametrize(("left", "refitted"), [(1.5, ["lag", "drift"]), (3.5, ["lag", "drift", "curve"])])
 def test_what_promises_less_than_half_is_refitted_where_no_other_is_enough(
     monkeypatch: pytest.MonkeyPatch, left: float, refitted: list[str]
