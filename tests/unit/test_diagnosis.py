@@ -310,6 +310,16 @@ def test_readings_that_wander_do_not_bend_the_model(wandering: Report, null: Rep
     assert bent > 1.04 * best
 
 
+def test_a_straight_drift_in_the_end_may_wander() -> None:
+    base = hypothesis("wandering")
+    search = Search(effects=[EFFECT_OF["thermal_drift"]])
+    (straight,), _ = search._candidates(base, base)
+    assert max(straight.after.ratios) > 1.5
+    (step,) = search.with_last_drift_wandering([Step(base, (straight,), {}, (straight,), (), "")], base)
+    assert max(step.after.ratios) < 1.05
+    assert step.after.effects == ("thermal_drift",)
+
+
 def test_a_slow_wave_is_no_drift() -> None:
     asked = Thresholds()
     drift, wave = (wandering_of(hypothesis(effect), asked, asked.polishable) for effect in ("wandering", "slow_wave"))
