@@ -42,9 +42,9 @@ def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
     return declared if plainer and (is_named or not explaining) else best
 
 
-def _is_near(found: Hypothesis, other: float, asked: Thresholds) -> bool:
-    """Whether what is left is near the noise in every run, and in all hardly more than another leaves."""
-    return max(found.ratios) < asked.near_floor and found.over_noise <= asked.plainer * other
+def _is_near(found: Hypothesis, asked: Thresholds) -> bool:
+    """Whether what is left is near the noise in every run, and in all hardly more than that."""
+    return max(found.ratios) < asked.near_floor and found.over_noise <= asked.plainer
 
 
 def _is_as_near_as_a_past(found: Hypothesis, declared: Hypothesis, asked: Thresholds) -> bool:
@@ -98,7 +98,7 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if declared.fit.ratio <= asked.reachable and not is_as_near:
         steps = search.with_wandering(steps, declared)
     branch = _on_declared(declared, tuple(steps))
-    is_named_near = branch.final.effects and _is_near(branch.final, 1.0, asked)
+    is_named_near = branch.final.effects and _is_near(branch.final, asked)
     if search.explains(steps, declared) or is_named_near or is_as_near:
         return [branch]  # no other could leave so much less that it were believed instead
     others = elements.branches(branch.final, asked)

@@ -93,10 +93,7 @@ def less_effects(found: Hypothesis) -> list[RunData]:
     behind = [name for name in found.effects if not staged.is_before(name)]
     if not behind:
         return list(staged.runs)
-    bare = staged
-    for name in behind:
-        bare, kept = bare.without(name)
-        vector = vector[kept]
+    bare, vector = staged.without_all(behind, vector)
     pairs = zip(staged.outputs(found.vector, numbers), bare.outputs(vector, numbers), strict=True)
     return [_less(run, y - plain) for run, ((y, _), (plain, _)) in zip(staged.runs, pairs, strict=True)]
 

@@ -70,11 +70,7 @@ class Elements:
 
 def _bare(found: Hypothesis) -> Hypothesis:
     """The base where its effects had taken it."""
-    staged, vector = found.staged, found.vector
-    for name in found.effects:
-        staged, kept = staged.without(name)
-        vector = vector[kept]
-    return fitted(staged, vector, most_steps=0)
+    return fitted(*found.staged.without_all(found.effects, found.vector), most_steps=0)
 
 
 @dataclass(frozen=True)

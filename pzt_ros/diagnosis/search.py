@@ -101,10 +101,9 @@ class Search(Seeker):
         if explained and (len(others) == len(steps) or self.at_floor(steps[-1].after)):
             return [*steps]
         if others and others[-1].accepted and not others[-1].tied:
-            before = others[-1].after
-            beside = self._wandering_step(before, [before], ()) if ThermalDrift.kind not in before.effects else None
-            if beside and self.explains([*others, beside], base):
-                return [*others, beside]
+            beside = self._ending_in_chance(others, base, ())
+            if beside:
+                return beside
         if explained:
             return [*steps]
         tried = steps[0].candidates
@@ -114,10 +113,16 @@ class Search(Seeker):
     def with_last_drift_wandering(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps with readings that wander in place of a straight drift in the end; none where that fails."""
         others = _without_last_drift(steps)
-        if len(others) == len(steps):
-            return []
+        return self._ending_in_chance(others, base, steps[-1].candidates) if len(others) < len(steps) else []
+
+    def _ending_in_chance(
+        self, others: Sequence[Step], base: Hypothesis, candidates: Sequence[Candidate]
+    ) -> list[Step]:
+        """The steps with readings that wander in the end, if there is no drift yet and that explains all; or none."""
         before = others[-1].after if others else base
-        step = self._wandering_step(before, [before], steps[-1].candidates)
+        if ThermalDrift.kind in before.effects:
+            return []
+        step = self._wandering_step(before, [before], candidates)
         return [*others, step] if step and self.explains([*others, step], base) else []
 
     def _wandering_step(

@@ -39,7 +39,7 @@ class Seeker(Judge):
         origins: the base in other places, each fitted when it is asked for. A base fitted without an effect bends to
             make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
         sooner: those of them that are tried before the base itself, which went astray.
-        is_lost: whether no origin helps, for the base is wrong; asked where no effect explains anything.
+        is_lost: whether no origin helps, for the base is wrong; asked where no effect explains half, nor do two all.
     """
 
     effects: Sequence[Effect] = EFFECTS

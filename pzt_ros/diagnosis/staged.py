@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -162,6 +162,14 @@ class Staged:
             beyond={} if self._has_shortcut(kind) else self.beyond,
         )
         return plain, [*range(self._own), *(self._own + place for place in kept)]
+
+    def without_all(self, kinds: Iterable[str], vector: Array) -> tuple[Staged, Array]:
+        """The same without several effects, and what is left of the vector [shape (p,)]."""
+        bare = self
+        for kind in kinds:
+            bare, kept = bare.without(kind)
+            vector = vector[kept]
+        return bare, vector
 
     def chain_at(self, vector: Array, number: int | None = None) -> Chain:
         """The chain with the values of the vector, for one run or for the stage."""
