@@ -21,7 +21,7 @@ from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
 from pzt_ros.sysid.run import Start, begun_ceramic
-from pzt_ros.sysid.start import prior_shares, share_bounds, with_shares
+from pzt_ros.sysid.start import share_bounds, shares_of, with_shares
 from pzt_ros.sysid.thinning import thinned
 
 _STEP = 1e-3
@@ -98,14 +98,14 @@ class DeclaredHysteresis:
     the front model is worst, and its decisions on what is a reversal are cliffs in the cost; there a lattice of wide
     spacing takes its place, which on such drives takes no longer.
 
-    The vector is: the parameters, then run by run the prior reversals as a share of the voltages allowed.
+    The vector is: the parameters, then run by run its history as shares of what is allowed.
 
     Args:
         model: the link, with the values to start from.
         quick: a fast model with the same parameters; the model itself where there is none.
         coordinates: its free parameters.
         records: the runs.
-        starts: their histories; how many prior reversals a run has is fixed here.
+        starts: their histories; how many unknowns each has is fixed here.
         gain: of the amplifier, which takes these histories to the ceramic [-].
     """
 
@@ -123,14 +123,15 @@ class DeclaredHysteresis:
         self.coordinates = tuple(coordinates)
         self.records, self.starts = tuple(records), tuple(starts)
         self.far = _FAR_BESIDE_PASTS if any(start.prior_voltages for start in starts) else _FAR_OFF
-        self._reversals = [len(start.prior_voltages) for start in starts]
-        shares = [share for r, s in zip(records, starts, strict=True) for share in prior_shares(r, s)]
+        shares = [share for r, s in zip(records, starts, strict=True) for share in shares_of(r, s)]
         self.names = [each.name for each in coordinates]
-        self.names += [f"run {run + 1} reversal {k + 1}" for run, n in enumerate(self._reversals) for k in range(n)]
+        for run, start in enumerate(starts, start=1):
+            self.names += [f"run {run} reversal {k + 1}" for k in range(len(start.prior_voltages))]
+            self.names += [f"run {run} approach"] if start.approach is not None else []
         self.start = np.array([each.scaled(each.start) for each in coordinates] + shares)
         limits = [each.bounds for each in coordinates]
         for record, start in zip(records, starts, strict=True):
-            limits += [share_bounds(record, start)] * len(start.prior_voltages)
+            limits += share_bounds(record, start)
         self.lower, self.upper = (np.array([limit[k] for limit in limits]) for k in (0, 1))
         self._exact: dict[int, _Exact] = {}  # by run
         self._rough = [False] * len(records)
@@ -250,9 +251,9 @@ class DeclaredHysteresis:
         return begun_ceramic(self._near(vector, number), self.records[number], start, self.gain)[1]
 
     def places_of(self, number: int) -> list[int]:
-        """The prior reversals of a run belong to it alone."""
-        first = len(self.coordinates) + sum(self._reversals[:number])
-        return list(range(first, first + self._reversals[number]))
+        """The history of a run belongs to it alone."""
+        first = len(self.coordinates) + sum(start.unknowns for start in self.starts[:number])
+        return list(range(first, first + self.starts[number].unknowns))
 
     def stiffer(self) -> list[Hysteresis]:
         """Nothing: it has no prior."""

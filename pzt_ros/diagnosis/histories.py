@@ -14,7 +14,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, exactly, fitted
 from pzt_ros.diagnosis.prior_drive import with_best_amplitude
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
@@ -25,8 +25,13 @@ from pzt_ros.sysid.run import Start, typical_leg
 from pzt_ros.sysid.start import CountedPart, first_guesses, misfit_at, settle
 
 _CLEAN, _CLEAN_FROM_REST = 1.005, 1.1  # rms over noise of a run whose history is not asked for
-_ROUNDS, _GAINED = 4, 0.98  # of histories and all else in turn; until less is gained
-_NEAR = 2.0  # rms over noise up to which pasts alone may be what is missing, and are sought more thoroughly
+_ROUNDS, _GAINED, _TOLD = (
+    4,
+    0.1,
+    0.01,
+)  # of histories and all else in turn; until less of the excess, or of `total`, goes
+_WORSE = 1.02  # rms over what it was, of a run that another history may suit
+_NEARLY_CLEAN, _NEAR = 1.02, 2.0  # rms over noise between which pasts alone may be missing, and are sought thoroughly
 _STEPS = 40
 _SEARCHED = 4_000  # samples that a search for histories looks at
 
@@ -45,8 +50,7 @@ def with_histories(found: Hypothesis, progress: Progress, workers: Workers) -> H
     progress("history before " + ", ".join(runs[number].record.name for number in asked))
     if any(runs[number].begins_driven for number in asked):
         found = _from_first_guesses(found, asked, workers)
-    again = _refitted(found, _histories(found, asked, workers))
-    return renewed(min(found, again, key=_total), workers)
+    return renewed(min(found, _with_other_histories(found, asked, workers), key=_total), workers)
 
 
 def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
@@ -62,18 +66,19 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
         plain = without_histories(found) if found.effects else None
         return with_best_amplitude(found if plain is None else min(plain, found, key=_total))
     for _ in range(_ROUNDS):
+        found = exact(found)
         asked = _without_their_past(found)
         if not asked:
-            break
-        again = _refitted(found, _histories(found, asked, workers))
-        gained = again.total <= _GAINED * found.total
+            return found
+        again = _with_other_histories(found, asked, workers)
+        gained = found.total - again.total > max(_GAINED * found.excess, _TOLD)
         found = min(found, again, key=_total)
         if not gained:
             break
     asked = _without_their_past(found)
-    if not asked or max(found.ratios) > _NEAR:
+    if not asked or not _NEARLY_CLEAN < max(found.ratios) <= _NEAR:
         return found
-    return min(found, _refitted(found, _histories(found, asked, workers, thorough=True)), key=_total)
+    return min(found, _with_other_histories(found, asked, workers, thorough=True), key=_total)
 
 
 def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
@@ -131,7 +136,31 @@ def _from_first_guesses(found: Hypothesis, asked: Sequence[int], workers: Worker
     return min((found, *tried), key=_total)
 
 
-def _refitted(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:
+def _with_other_histories(
+    found: Hypothesis, asked: Sequence[int], workers: Workers, thorough: bool = False
+) -> Hypothesis:
+    """Fitted with histories sought anew, those of runs that came off worse by that once more.
+
+    A run that only chooses had found its own beside parameters that the histories of the others then changed.
+    """
+    again = _fitted_with(found, _histories(found, asked, workers, thorough))
+    worse = [number for number in asked if again.ratios[number] > _WORSE * found.ratios[number]]
+    if not worse or len(worse) == len(asked):
+        return again
+    return min(again, _fitted_with(again, _histories(again, worse, workers, thorough)), key=_total)
+
+
+def _fitted_with(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:
+    """Fitted with other histories of some runs; exactly where it was so near that they were sought exactly."""
+    return exactly(_refitted(found, known, 0)) if _is_near(found) else _refitted(found, known)
+
+
+def _is_near(found: Hypothesis) -> bool:
+    """Whether it is so near the noise that what the model in place of the ceramic is off by would hide the rest."""
+    return found.fit.ratio <= found.staged.far
+
+
+def _refitted(found: Hypothesis, known: Mapping[int, Start], steps: int = _STEPS) -> Hypothesis:
     """Fitted with other histories of some runs, from where it is."""
     staged, begin = found.staged, found.vector
     ceramic = staged.ceramic
@@ -140,7 +169,7 @@ def _refitted(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:
     other = dataclasses.replace(staged, ceramic=ceramic.with_starts(starts))
     first, last = len(ceramic.coordinates), begin.size - len(staged.coordinates)
     histories = other.start[first : other.start.size - len(staged.coordinates)]
-    return fitted(other, np.concatenate((begin[:first], histories, begin[last:])), found.effects, _STEPS)
+    return fitted(other, np.concatenate((begin[:first], histories, begin[last:])), found.effects, steps)
 
 
 def _part(run: RunData) -> CountedPart:
@@ -158,12 +187,13 @@ def _history(found: Hypothesis, number: int, thorough: bool) -> Start:
     """The shortest history of a run that its samples ask for."""
     run = found.staged.runs[number]
     part = _part(run)
-    quick = with_surrogate(found.staged.chain_at(found.vector, number))
-    quick = quick.with_links(lambda link: in_few_steps(link, run.record.voltage))
+    chain = found.staged.chain_at(found.vector, number)
+    quick = with_surrogate(chain).with_links(lambda link: in_few_steps(link, run.record.voltage))
     bases = [*_bases(found, number), *_most_alike(found, number, quick, part)]
     if thorough:
         bases = [*bases, Start(leg=typical_leg(run.record))]
-    return settle(quick, part, bases, _absorbed(found, number, part), run.noise, thorough)
+    chain = chain if _is_near(found) else quick
+    return settle(chain, part, bases, _absorbed(found, number, part), run.noise, thorough)
 
 
 def _absorbed(found: Hypothesis, number: int, part: CountedPart) -> Array | None:

@@ -146,8 +146,11 @@ def exact(found: Hypothesis) -> Hypothesis:
     A fit along a tangent may promise what the model does not keep, so a step that makes it worse is taken back. Where
     the misfit is far larger than what the ceramic is off by, it stays as it is.
     """
-    if found.fit.ratio > found.staged.far:
-        return found
+    return found if found.fit.ratio > found.staged.far else exactly(found)
+
+
+def exactly(found: Hypothesis) -> Hypothesis:
+    """The same, however far it is."""
     best = _exact_here(found)
     for count in range(_MOST_CORRECTIONS):
         if best is found or (count >= _CORRECTIONS and not _creeps(best)):

@@ -177,7 +177,7 @@ def _with_own_values(
     def completed(start: Start) -> Start:
         return with_offset(model, counted, with_own_values_fitted(model, counted, start, expected, noise))
 
-    more = len(found.prior_voltages) - len(base.prior_voltages)
+    more = found.unknowns - base.unknowns
     if not expected or not more or begins_driven(counted.record):
         return completed(found)
     plain, longer = completed(base), completed(found)

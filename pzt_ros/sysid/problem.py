@@ -15,7 +15,7 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.fading import beyond_reading
 from pzt_ros.sysid.parameters import FreeParameter, with_values
 from pzt_ros.sysid.run import Start, free_run, rms
-from pzt_ros.sysid.start import CountedPart, dying_out, prior_shares, share_bounds, with_shares
+from pzt_ros.sysid.start import CountedPart, dying_out, share_bounds, shares_of, with_shares
 
 STEP = 1e-3
 """Difference step of the coordinates: a share of the value or of the range; the integration's noise is far below it."""
@@ -53,7 +53,7 @@ class Problem:
             + [
                 share
                 for part, start in zip(self.parts, self.starts, strict=True)
-                for share in prior_shares(part.record, start)
+                for share in shares_of(part.record, start)
             ]
         )
 
@@ -62,7 +62,7 @@ class Problem:
         """Lowest and highest vector."""
         limits = [p.scaled_bounds for p in self.free]
         for part, start in zip(self.parts, self.starts, strict=True):
-            limits += [share_bounds(part.record, start)] * len(start.prior_voltages)
+            limits += share_bounds(part.record, start)
         return np.array([low for low, _ in limits]), np.array([high for _, high in limits])
 
     def chain_at(self, vector: Array) -> Chain:
@@ -73,7 +73,7 @@ class Problem:
         """The histories of the vector; their offsets are as they were."""
         left = [float(share) for share in vector[len(self.free) :]]
         pairs = zip(self.parts, self.starts, strict=True)
-        return [with_shares(start, part.record, [left.pop(0) for _ in start.prior_voltages]) for part, start in pairs]
+        return [with_shares(start, part.record, [left.pop(0) for _ in range(start.unknowns)]) for part, start in pairs]
 
     def residuals(self, vector: Array) -> list[Array]:
         """Measurement minus model of every run, its mean and what dies out taken out [m, each shape (n,)]."""
@@ -124,10 +124,10 @@ class Problem:
         ]
 
     def _runs_of(self, column: int) -> Sequence[int]:
-        """Runs on which a coordinate acts: all for a parameter, its own for a prior reversal."""
+        """Runs on which a coordinate acts: all for a parameter, its own for what is unknown of a history."""
         if column < len(self.free):
             return range(len(self.parts))
-        owners = [number for number, start in enumerate(self.starts) for _ in start.prior_voltages]
+        owners = [number for number, start in enumerate(self.starts) for _ in range(start.unknowns)]
         return [owners[column - len(self.free)]]
 
 

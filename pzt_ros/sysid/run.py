@@ -51,7 +51,7 @@ class Start:
     """What happened before the first sample, and where the zero of the displacement is.
 
     From the chain's own initial state at 0 V the drive goes through `prior_voltages`, each in `leg` seconds, and on to
-    the first sample in as long a leg. Without any, it comes to the first sample's voltage directly.
+    the first sample in as long a leg, or in `approach`. Without any, it comes to the first sample's voltage directly.
 
     Attributes:
         prior_voltages: reversal points of the voltage before the first sample [V].
@@ -60,6 +60,8 @@ class Start:
         occupancy: x+ at the first sample on the grid of an identified lattice; empty for its own initial state.
         values: parameters that belong to this run and not to the stage [SI], by `link.parameter`.
         fading: what dies out after the first sample [m], by `fading_course`; none where nothing does.
+        approach: from the last reversal to the first sample where that is no leg [s]: a faster ramp, or a leg and a
+            wait. Inside minor loops all that follows remembers how far the ceramic had come to rest.
     """
 
     prior_voltages: tuple[float, ...] = ()
@@ -68,6 +70,12 @@ class Start:
     occupancy: tuple[float, ...] = ()
     values: tuple[tuple[str, float], ...] = ()
     fading: tuple[float, ...] = ()
+    approach: float | None = None
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers a search or a fit finds of the history: its reversals, and its approach if it has one."""
+        return len(self.prior_voltages) + (self.approach is not None)
 
     @property
     def without_reading(self) -> Start:
@@ -85,9 +93,10 @@ class Start:
     def __str__(self) -> str:
         if self.occupancy:
             return "a fitted occupancy"
-        if not self.prior_voltages:
-            return "the chain's own initial state"
-        return "prior reversals at " + ", ".join(f"{v:.4g}" for v in self.prior_voltages) + " V"
+        begins = "the chain's own initial state"
+        if self.prior_voltages:
+            begins = "prior reversals at " + ", ".join(f"{v:.4g}" for v in self.prior_voltages) + " V"
+        return begins if self.approach is None else f"{begins}, left {self.approach:.3g} s before"
 
 
 def begins_driven(record: Record) -> bool:
@@ -138,10 +147,14 @@ def prepared_drive(record: Record, start: Start, gain: float = 1.0) -> tuple[Res
         return Rest(time=first_time, voltage=first_voltage, occupancy=np.array(start.occupancy)), nothing
     if not start.prior_voltages and first_voltage == 0.0:
         return Rest(time=first_time), nothing
+    approach = start.leg if start.approach is None else start.approach
+    left, arrived = first_time - approach, first_time - max(approach - start.leg, 0.0)
     legs = len(start.prior_voltages)
-    times = first_time - start.leg * np.arange(legs, 0, -1.0)
+    times = left - start.leg * np.arange(legs - 1, -1, -1.0)
     before = Signals(time=times, voltage=gain * np.array(start.prior_voltages))
-    return Rest(time=first_time - start.leg * (legs + 1)), before
+    if arrived < first_time:
+        before = Signals(time=np.append(times, arrived), voltage=np.append(before.voltage, first_voltage))
+    return Rest(time=left - start.leg * legs), before
 
 
 def free_run(chain: Chain, record: Record, start: Start, picks: NDArray[np.intp] | slice, end: int) -> Signals:
@@ -213,7 +226,7 @@ def begun_ceramic(link: Ferroelectric, record: Record, start: Start, gain: float
     if not before.time.size:
         return state, np.empty(0)
     state, out = link.step(state, before)
-    return state, out.polarization
+    return state, out.polarization[: len(start.prior_voltages)]  # where it waits it does not turn
 
 
 def amplifier_gain(chain: Chain) -> float:

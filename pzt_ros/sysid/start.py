@@ -11,8 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from scipy import optimize
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.surrogate import with_surrogate
+from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.fading import fading_curves
@@ -44,6 +43,8 @@ _FEWEST = 100  # samples to search by
 _LEVELS, _MORE_LEVELS = 9, 13
 _GUESSED_LEVELS = 5
 _USUAL, _WIDE = (0.0, 1.0), (-0.25, 1.25)  # prior reversals, see `prior_shares`: half, or all, of the range beyond it
+_SOONEST, _LATEST = -2.0, 6.0  # decades of the approach over a usual leg: a jump, and a night's wait
+_APPROACHES = 0.1, 10.0, 100.0, 1e3  # usual legs: what a search begins with
 _REFINED = 2
 _ROUGH, _FINE = (6, 1e-4), (40, 1e-6)  # evaluations at most of a local search, and the shares it may stop at
 _TOLD = 2.0  # times as long as it is seen may take what dies out
@@ -102,23 +103,36 @@ def voltage_bounds(record: Record) -> tuple[float, float]:
     return low - 0.5 * (high - low), high + 0.5 * (high - low)
 
 
-def prior_shares(record: Record, start: Start) -> list[float]:
-    """The prior reversals of a start as shares of the voltages where they are looked for [-]."""
+def shares_of(record: Record, start: Start) -> list[float]:
+    """What is unknown of a history as shares of where it is looked for [-]: its reversals, and its approach."""
     low, high = voltage_bounds(record)
-    return [(voltage - low) / (high - low) for voltage in start.prior_voltages]
+    found = [(voltage - low) / (high - low) for voltage in start.prior_voltages]
+    if start.approach is None:
+        return found
+    return [*found, (math.log10(start.approach / start.leg) - _SOONEST) / (_LATEST - _SOONEST)]
 
 
 def with_shares(start: Start, record: Record, shares: Sequence[float] | Array) -> Start:
-    """A start with its prior reversals at shares of the voltages where they are looked for."""
-    low, high = voltage_bounds(record)
-    return replace(start, prior_voltages=tuple(low + (high - low) * float(share) for share in shares))
+    """A start with what is unknown of its history at shares of where that is looked for."""
+    count = len(start.prior_voltages)
+    found = replace(start, prior_voltages=_voltages_at(record, shares[:count]))
+    if start.approach is None:
+        return found
+    return replace(found, approach=start.leg * 10.0 ** (_SOONEST + (_LATEST - _SOONEST) * float(shares[count])))
 
 
-def share_bounds(record: Record, start: Start) -> tuple[float, float]:
-    """Within which the shares of a start may move; wider where a thorough search took it beyond the usual."""
+def share_bounds(record: Record, start: Start) -> list[tuple[float, float]]:
+    """Within which each share of a start may move; wider where a thorough search took its reversals beyond the usual."""
     low, high = _USUAL
-    shares = prior_shares(record, start)
-    return _USUAL if all(low - _ROUNDING <= share <= high + _ROUNDING for share in shares) else _WIDE
+    shares = shares_of(record, start)
+    usual = all(low - _ROUNDING <= share <= high + _ROUNDING for share in shares[: len(start.prior_voltages)])
+    reversals = [_USUAL if usual else _WIDE] * len(start.prior_voltages)
+    return reversals + [_USUAL] * (len(shares) - len(reversals))
+
+
+def _voltages_at(record: Record, shares: Sequence[float] | Array) -> tuple[float, ...]:
+    low, high = voltage_bounds(record)
+    return tuple(low + (high - low) * float(share) for share in shares)
 
 
 def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
@@ -155,19 +169,15 @@ def settle(
         noise: of the displacement [m]; a history that leaves no more than that is not questioned.
         thorough: look further beyond the run's range, too, with more of a grid.
     """
-    quick, early = with_surrogate(chain), telling_part(part)
-    exactly = _misfit_of(chain, part, tangent=tangent)
-    quickly = exactly if quick is chain else _misfit_of(quick, part, tangent=tangent)
-    told = None if tangent is None else tangent[: early.picks.size]
-    misfits = _Misfits(exactly, quickly, quickly if early is part else _misfit_of(quick, early, tangent=told))
+    misfits = _Misfits(chain, part, tangent)
     begins = [base.without_reading for base in bases] or [Start(leg=typical_leg(part.record))]
     low, high = voltage_bounds(part.record)
     if low == high:  # nothing was driven, so no reversal could be told from another
         return with_offset(chain, part, begins[0])
     shares = np.linspace(*_WIDE, _MORE_LEVELS + 2) if thorough else np.linspace(*_USUAL, _LEVELS + 2)
-    levels = with_shares(begins[0], part.record, shares[1:-1]).prior_voltages
+    levels = _voltages_at(part.record, shares[1:-1])
     found = [_grown(misfits, begin, part.record, noise, levels) for begin in begins]
-    best = min(found, key=lambda each: _price(each, exactly(each))) if len(found) > 1 else found[0]
+    best = min(found, key=lambda each: _price(each, misfits.exactly(each))) if len(found) > 1 else found[0]
     return with_offset(chain, part, best)
 
 
@@ -177,63 +187,83 @@ def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
     A search stops sooner, for a fit that moves everything follows it. In a prediction nothing does, and what the past
     is off by stays all along a run inside minor loops.
     """
-    if not start.prior_voltages:
+    if not start.unknowns:
         return with_offset(chain, part, start)
     misfit = _misfit_of(chain, part, tangent=dying_out(chain, part))
     return with_offset(chain, part, _refined(misfit, start.without_reading, part.record, _FINE))
 
 
-class _Misfits(NamedTuple):
+class _Misfits:
     """What is left of a run beside a history [m], from exact to quick to say.
 
-    Attributes:
-        exactly: by the chain.
-        quickly: by its surrogate.
-        early: by that, of the samples that tell most.
+    The surrogate is some tenths of a good sensor's noise off and more, behind which reversals hide. What it is off by
+    changes slowly with the history, so it is taken over from the one where the chain itself was asked last.
+
+    Args:
+        chain: with its parameters fixed.
+        part: all samples that count.
+        tangent: as `settle` has it.
     """
 
-    exactly: Misfit
-    quickly: Misfit
-    early: Misfit
+    def __init__(self, chain: Chain, part: CountedPart, tangent: Array | None = None) -> None:
+        early = telling_part(part)
+        self._chain, self._part, self._early = chain, part, early
+        self._quick = _in_few_steps(with_surrogate(chain), part.record)
+        self._is_exact = self._quick is chain
+        self._left = _left_beside(part, tangent)
+        self._left_early = _left_beside(early, None if tangent is None else tangent[: early.picks.size])
+        self._beside = np.zeros(part.picks.size)
+
+    def exactly(self, start: Start) -> Array:
+        """By the chain."""
+        return self._left(_displacement(self._chain, self._part, start))
+
+    def quickly(self, start: Start) -> Array:
+        """By its surrogate."""
+        return self._left(_displacement(self._quick, self._part, start) + self._beside)
+
+    def early(self, start: Start) -> Array:
+        """By that, of the samples that tell most."""
+        beside = self._beside[: self._early.picks.size]
+        return self._left_early(_displacement(self._quick, self._early, start) + beside)
+
+    def correct_at(self, start: Start) -> Array:
+        """What is left exactly, which `quickly` then says, too."""
+        there = _displacement(self._chain, self._part, start)
+        if not self._is_exact:
+            self._beside = there - _displacement(self._quick, self._part, start)
+        return self._left(there)
 
 
 def _grown(misfits: _Misfits, best: Start, record: Record, clean: float, levels: Sequence[float]) -> Start:
     """A history with as many more reversals as pay, begun at some levels [V], until only `clean` is left [m]."""
-    exactly, quickly, early = misfits
     longest = _LONGEST if begins_driven(record) else _LONGEST_FROM_REST
-    best_residual, sought = exactly(best), early(best)
-    while len(best.prior_voltages) < longest and rms(best_residual) > clean:
-        longer = [each for each in _longer(early, best, record, levels) if len(each.prior_voltages) <= longest]
-        seen = [(start, early(start)) for start in longer]
-        paying = [(start, left) for start, left in seen if pays(sought, left, _more(start, best))]
+    left = misfits.correct_at(best)
+    while len(best.prior_voltages) < longest and rms(left) > clean:
+        sought = misfits.early(best)
+        longer = [each for each in _longer(misfits.early, best, record, levels) if len(each.prior_voltages) <= longest]
+        seen = [(start, misfits.early(start)) for start in longer]
+        paying = [(start, early) for start, early in seen if pays(sought, early, _more(start, best))]
         if not paying:
             break
-        start, left = min(paying, key=lambda pair: _price(*pair))
-        if early is not quickly:
-            start = _refined(quickly, start, record)
-            left = early(start)
-        residual = exactly(start)
-        if not pays(best_residual, residual, _more(start, best)):
+        start = _refined(misfits.quickly, min(paying, key=lambda pair: _price(*pair))[0], record)
+        there = misfits.correct_at(start)
+        if not pays(left, there, _more(start, best)):
             break
-        best, best_residual, sought = start, residual, left
-    return best if exactly is quickly else _corrected(exactly, quickly, best, record)
+        best, left = start, there
+    return _corrected(misfits, best, record)
 
 
-def _corrected(misfit: Misfit, searched: Misfit, best: Start, record: Record) -> Start:
-    """A history refined with the surrogate and what the chain itself had beside it, for as long as it gets better."""
-    residual = misfit(best)
-    for _ in range(_CORRECTIONS if best.prior_voltages else 0):
-        beside = residual - searched(best)
-        start = _refined(partial(_sum_of, searched, beside), best, record)
-        better = misfit(start)
-        if rms(better) >= rms(residual):
+def _corrected(misfits: _Misfits, best: Start, record: Record) -> Start:
+    """A history refined with the surrogate as it is there, for as long as it gets better."""
+    left = misfits.correct_at(best)
+    for _ in range(_CORRECTIONS if best.unknowns else 0):
+        start = _refined(misfits.quickly, best, record)
+        better = misfits.correct_at(start)
+        if rms(better) >= rms(left):
             break
-        best, residual = start, better
+        best, left = start, better
     return best
-
-
-def _sum_of(searched: Misfit, beside: Array, start: Start) -> Array:
-    return searched(start) + beside
 
 
 def misfit_at(chain: Chain, part: CountedPart, start: Start) -> Array:
@@ -266,24 +296,39 @@ def dying_out(chain: Chain, part: CountedPart) -> Array:
 
 
 def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None) -> Misfit:
+    left = _left_beside(part, tangent, any_scale)
+    return lambda start: left(_displacement(chain, part, start))
+
+
+def _displacement(chain: Chain, part: CountedPart, start: Start) -> Array:
+    return free_run(chain, part.record, start, part.picks, part.end).displacement
+
+
+def _left_beside(part: CountedPart, tangent: Array | None, any_scale: bool = False) -> Callable[[Array], Array]:
+    """From a model's displacement to what is left of the counted samples [m], without what a tangent takes up."""
     measured = part.displacement - part.displacement.mean()
     curves = np.zeros((measured.size, 0)) if tangent is None else tangent
     absorbed = np.linalg.qr(curves - curves.mean(axis=0))[0]  # the mean goes anyway
 
-    def misfit(start: Start) -> Array:
-        model = free_run(chain, part.record, start, part.picks, part.end).displacement
+    def left(model: Array) -> Array:
         model = model - model.mean()
         scale = 1.0
         if any_scale and np.any(model):
             scale = max(float(model @ measured / (model @ model)), 0.0)
-        left: Array = measured - scale * model
-        return left - absorbed @ (absorbed.T @ left)
+        found: Array = measured - scale * model
+        return found - absorbed @ (absorbed.T @ found)
 
-    return misfit
+    return left
+
+
+def _in_few_steps(chain: Chain, record: Record) -> Chain:
+    if all(in_few_steps(link, record.voltage) is link for link in chain.links):
+        return chain
+    return chain.with_links(lambda link: in_few_steps(link, record.voltage))
 
 
 def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float]) -> list[Start]:
-    """The best histories with one reversal more at the end, and with two more anywhere, each refined.
+    """The best histories with one reversal more at the end, with two more anywhere, and with another approach, refined.
 
     One more reversal in the middle is passed over by a ramp between its neighbours, so there it takes two.
     """
@@ -293,9 +338,11 @@ def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float
     one = [(*known, level) for level in levels]
     two = [(*known[:k], *pair, *known[k:]) for k in range(len(known) + 1) for pair in itertools.permutations(levels, 2)]
     found = []
-    for longer in (one, two):
-        voltages = [each for each in longer if _is_nested(each, begin)] or longer
-        starts = [replace(start, prior_voltages=each) for each in voltages]
+    ways = [[each for each in longer if _is_nested(each, begin)] or longer for longer in (one, two)]
+    tried = [[replace(start, prior_voltages=each) for each in voltages] for voltages in ways]
+    if start.approach is None and begins_driven(record):
+        tried.append([replace(start, approach=start.leg * legs) for legs in _APPROACHES])
+    for starts in tried:
         near = sorted(starts, key=lambda each: float(np.sum(misfit(each) ** 2)))[:_REFINED]
         found += [_refined(misfit, each, record) for each in near]
     return found
@@ -321,10 +368,10 @@ def _refined(misfit: Misfit, start: Start, record: Record, how: tuple[int, float
     """What local search makes of a start; the start itself where that is no better."""
     evaluations, tolerance = how
     unit = max(rms(misfit(start)), 1e-15)  # the tolerances of the search want numbers of order 1
-    low, high = share_bounds(record, start)
+    low, high = np.array(share_bounds(record, start)).T
     found = _least_squares(
         lambda shares: misfit(with_shares(start, record, shares)) / unit,
-        np.clip(prior_shares(record, start), low + _ROOM, high - _ROOM),
+        np.clip(shares_of(record, start), low + _ROOM, high - _ROOM),
         bounds=(low, high),
         diff_step=1e-3,
         xtol=tolerance,
@@ -334,12 +381,12 @@ def _refined(misfit: Misfit, start: Start, record: Record, how: tuple[int, float
 
 
 def _more(longer: Start, start: Start) -> int:
-    return len(longer.prior_voltages) - len(start.prior_voltages)
+    return longer.unknowns - start.unknowns
 
 
 def _price(start: Start, residual: Array) -> float:
     """What is left and what the reversals cost, to be compared between histories of one run."""
-    return residual.size * math.log(max(rms(residual), 1e-30)) + PRICE * len(start.prior_voltages)
+    return residual.size * math.log(max(rms(residual), 1e-30)) + PRICE * start.unknowns
 
 
 def pays(before: Array, after: Array, reversals: int) -> bool:

@@ -17,7 +17,8 @@ def start_as_data(start: Start, sha256: str, name: str) -> dict[str, Any]:
         "leg_s": start.leg,
         "offset_m": start.offset,
     }
-    more = {"occupancy": list(start.occupancy), "values": dict(start.values), "fading_m": list(start.fading)}
+    more: dict[str, Any] = {"occupancy": list(start.occupancy), "values": dict(start.values)}
+    more |= {"fading_m": list(start.fading), "approach_s": start.approach}
     return {**entry, **{key: value for key, value in more.items() if value}}
 
 
@@ -27,6 +28,7 @@ def start_from_data(entry: Mapping[str, Any]) -> Start:
     Raises:
         KeyError, TypeError, ValueError: the entry lacks something, or it is no number.
     """
+    approach = entry.get("approach_s")
     return Start(
         tuple(float(v) for v in entry["prior_voltage_V"]),
         float(entry["leg_s"]),
@@ -34,4 +36,5 @@ def start_from_data(entry: Mapping[str, Any]) -> Start:
         tuple(float(v) for v in entry.get("occupancy", ())),
         tuple((str(name), float(value)) for name, value in entry.get("values", {}).items()),
         tuple(float(size) for size in entry.get("fading_m", ())),
+        None if approach is None else float(approach),
     )
