@@ -20,8 +20,8 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps
 from pzt_ros.records import Record
+from pzt_ros.sysid.history_shares import share_bounds, shares_of, with_shares
 from pzt_ros.sysid.run import Start, begun_ceramic
-from pzt_ros.sysid.start import share_bounds, shares_of, with_shares
 from pzt_ros.sysid.thinning import thinned
 
 _STEP = 1e-3

@@ -21,15 +21,12 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
+from pzt_ros.sysid.history_search import first_guesses, settle
 from pzt_ros.sysid.run import Start, typical_leg
-from pzt_ros.sysid.start import CountedPart, first_guesses, misfit_at, settle
+from pzt_ros.sysid.start import CountedPart, misfit_at
 
 _CLEAN, _CLEAN_FROM_REST = 1.005, 1.1  # rms over noise of a run whose history is not asked for
-_ROUNDS, _GAINED, _TOLD = (
-    4,
-    0.1,
-    0.01,
-)  # of histories and all else in turn; until less of the excess, or of `total`, goes
+_ROUNDS, _GAINED, _TOLD = 4, 0.1, 0.01  # of histories and all else; until less of the excess, or of `total`, goes
 _WORSE = 1.02  # rms over what it was, of a run that another history may suit
 _NEARLY_CLEAN, _NEAR = 1.02, 2.0  # rms over noise between which pasts alone may be missing, and are sought thoroughly
 _STEPS = 40

@@ -17,6 +17,8 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import correlation_length, effective_samples, parameter_covariance
+from pzt_ros.sysid.history_search import PRICE, first_guesses, settle
+from pzt_ros.sysid.history_shares import voltage_bounds
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import FreeParameter, free_parameters, without_noise
 from pzt_ros.sysid.problem import Problem, distinguishable
@@ -24,16 +26,7 @@ from pzt_ros.sysid.profile import BetterFitError, Interval, Profile
 from pzt_ros.sysid.result import Estimate, FitResult, RunFit
 from pzt_ros.sysid.run import Span, Start, begins_driven, check_usable, rms
 from pzt_ros.sysid.spikes import without_spikes
-from pzt_ros.sysid.start import (
-    PRICE,
-    CountedPart,
-    counted_part,
-    dying_out,
-    first_guesses,
-    settle,
-    voltage_bounds,
-    with_offset,
-)
+from pzt_ros.sysid.start import CountedPart, counted_part, dying_out, with_offset
 
 _least_squares: Any = optimize.least_squares  # SciPy carries no types
 

@@ -15,12 +15,13 @@ from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.quantities import parameters_of
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
+from pzt_ros.sysid.history_search import at_its_best, pays, settle
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
 from pzt_ros.sysid.spikes import without_spikes
-from pzt_ros.sysid.start import CountedPart, at_its_best, counted_part, dying_out, misfit_at, pays, settle, with_offset
+from pzt_ros.sysid.start import CountedPart, counted_part, dying_out, misfit_at, with_offset
 from pzt_ros.sysid.start_notes import start_from_data
 
 _FEWEST_TO_SETTLE = 8

@@ -13,9 +13,10 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.fading import beyond_reading
+from pzt_ros.sysid.history_shares import share_bounds, shares_of, with_shares
 from pzt_ros.sysid.parameters import FreeParameter, with_values
 from pzt_ros.sysid.run import Start, free_run, rms
-from pzt_ros.sysid.start import CountedPart, dying_out, share_bounds, shares_of, with_shares
+from pzt_ros.sysid.start import CountedPart, dying_out
 
 STEP = 1e-3
 """Difference step of the coordinates: a share of the value or of the range; the integration's noise is far below it."""

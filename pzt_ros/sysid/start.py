@@ -1,55 +1,21 @@
-"""Unknown history and unknown zero of a run: tried on a grid, refined, and kept as short as the data allow.
-
-What happened before the first sample acts through the reversal points it left behind (diagnosis-methods.md 4). So a
-history is a few prior reversal voltages, run through before the record; the offset of the displacement is linear and
-solved exactly. More reversals fit anything better, so each has to pay for itself.
-"""
+"""Samples of a run that count, and what its start adds to them: the offset, and what dies out."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
 from pzt_ros.records import Record
-from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.fading import fading_curves
-from pzt_ros.sysid.run import Span, Start, begins_driven, free_run, rms, typical_leg
+from pzt_ros.sysid.run import Span, Start, free_run
 from pzt_ros.sysid.run_in import fades, running_in
 
-_LONGEST, _LONGEST_FROM_REST = 8, 2
-"""Prior reversals at most of a run that begins driven: inside minor loops it takes one to four to come down to the
-noise; and of one that begins at rest, where more of them would make up for what is missing in the model."""
-
-_GUESSED = 2  # reversals of a first guess
-
-_least_squares: Any = optimize.least_squares  # SciPy carries no types
-
-Misfit = Callable[[Start], Array]
-"""From a history to what is left of the counted samples beside it [m]."""
-
-_ROOM, _ROUNDING = 0.02, 1e-9  # from these bounds, where a search begins; beyond them, what counts as at a bound
-_CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
-_FEWEST = 100  # samples to search by
-_LEVELS, _MORE_LEVELS = 9, 13
-_GUESSED_LEVELS = 5
-_USUAL, _WIDE = (0.0, 1.0), (-0.25, 1.25)  # prior reversals, see `prior_shares`: half, or all, of the range beyond it
-_SOONEST, _LATEST = -2.0, 6.0  # decades of the approach over a usual leg: a jump, and a night's wait
-_APPROACHES = 0.1, 10.0, 100.0, 1e3  # usual legs: what a search begins with
-_REFINED = 2
-_ROUGH, _FINE = (6, 1e-4), (40, 1e-6)  # evaluations at most of a local search, and the shares it may stop at
 _TOLD = 2.0  # times as long as it is seen may take what dies out
-_CORRECTIONS = 3
-PRICE = 10.0  # fall of n_eff ln(SSR) that one more reversal has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
 
 @dataclass(frozen=True)
@@ -81,194 +47,14 @@ def counted_part(record: Record, span: Span, most: int) -> CountedPart:
     return CountedPart(record, known if known.size else picks, after)
 
 
-def telling_part(part: CountedPart) -> CountedPart:
-    """The samples before the drive has been so often at both its ends that what was before acts on alike, or creeps.
-
-    Most of a past is wiped out by then, or stays as it is (return-point memory). As it is where few would be left.
-    """
-    voltage = part.record.voltage[: part.end]
-    low, high = float(np.min(voltage)), float(np.max(voltage))
-    room = _AT_END * (high - low)
-    at_end = np.flatnonzero((voltage <= low + room) | (voltage >= high - room))
-    crossed = at_end[1:][np.diff(voltage[at_end] > 0.5 * (low + high)) != 0]
-    if crossed.size <= 2 * _CYCLES:
-        return part
-    picks = part.picks[part.picks <= crossed[2 * _CYCLES]]
-    return replace(part, picks=picks, end=int(picks[-1]) + 1) if picks.size >= _FEWEST else part
-
-
-def voltage_bounds(record: Record) -> tuple[float, float]:
-    """Where prior reversals are usually looked for [V]: half the run's range beyond it on each side."""
-    low, high = float(record.voltage.min()), float(record.voltage.max())
-    return low - 0.5 * (high - low), high + 0.5 * (high - low)
-
-
-def shares_of(record: Record, start: Start) -> list[float]:
-    """What is unknown of a history as shares of where it is looked for [-]: its reversals, and its approach."""
-    low, high = voltage_bounds(record)
-    found = [(voltage - low) / (high - low) for voltage in start.prior_voltages]
-    if start.approach is None:
-        return found
-    return [*found, (math.log10(start.approach / start.leg) - _SOONEST) / (_LATEST - _SOONEST)]
-
-
-def with_shares(start: Start, record: Record, shares: Sequence[float] | Array) -> Start:
-    """A start with what is unknown of its history at shares of where that is looked for."""
-    count = len(start.prior_voltages)
-    found = replace(start, prior_voltages=_voltages_at(record, shares[:count]))
-    if start.approach is None:
-        return found
-    return replace(found, approach=start.leg * 10.0 ** (_SOONEST + (_LATEST - _SOONEST) * float(shares[count])))
-
-
-def share_bounds(record: Record, start: Start) -> list[tuple[float, float]]:
-    """Within which each share of a start may move; wider where a thorough search took its reversals beyond the usual."""
-    low, high = _USUAL
-    shares = shares_of(record, start)
-    usual = all(low - _ROUNDING <= share <= high + _ROUNDING for share in shares[: len(start.prior_voltages)])
-    reversals = [_USUAL if usual else _WIDE] * len(start.prior_voltages)
-    return reversals + [_USUAL] * (len(shares) - len(reversals))
-
-
-def _voltages_at(record: Record, shares: Sequence[float] | Array) -> tuple[float, ...]:
-    low, high = voltage_bounds(record)
-    return tuple(low + (high - low) * float(share) for share in shares)
-
-
-def first_guesses(chain: Chain, part: CountedPart) -> list[Start]:
-    """The best of the grid with no, one and two prior reversals, for a chain that is not fitted yet.
-
-    Only the shape of the motion is compared: the scale of such a chain may be far off.
-    """
-    part = telling_part(part)
-    misfit = _misfit_of(chain, part, any_scale=True)
-    leg = typical_leg(part.record)
-    return [Start(leg=leg)] + [_best_of_grid(misfit, part.record, count, leg)[0] for count in range(1, _GUESSED + 1)]
-
-
-def settle(
-    chain: Chain,
-    part: CountedPart,
-    bases: Sequence[Start] = (),
-    tangent: Array | None = None,
-    noise: float = 0.0,
-    thorough: bool = False,
-) -> Start:
-    """The shortest history that the counted samples ask for, and the offset with it.
-
-    Histories are looked for with the chain's surrogate, in the samples that tell most, and judged with the chain itself
-    in all of them: a sine of 280 cycles took minutes to be searched.
-
-    Args:
-        chain: with its parameters fixed.
-        part: what may be looked at.
-        bases: histories to start from; one without prior reversals where there are none.
-        tangent: how the counted samples change with the parameters, and what else is not the history's to explain
-            [shape (n, p)]; a history is then judged by what is left when these adapt to it, or parameters fitted to a
-            wrong history would defend it.
-        noise: of the displacement [m]; a history that leaves no more than that is not questioned.
-        thorough: look further beyond the run's range, too, with more of a grid.
-    """
-    misfits = _Misfits(chain, part, tangent)
-    begins = [base.without_reading for base in bases] or [Start(leg=typical_leg(part.record))]
-    low, high = voltage_bounds(part.record)
-    if low == high:  # nothing was driven, so no reversal could be told from another
-        return with_offset(chain, part, begins[0])
-    shares = np.linspace(*_WIDE, _MORE_LEVELS + 2) if thorough else np.linspace(*_USUAL, _LEVELS + 2)
-    levels = _voltages_at(part.record, shares[1:-1])
-    found = [_grown(misfits, begin, part.record, noise, levels) for begin in begins]
-    best = min(found, key=lambda each: _price(each, misfits.exactly(each))) if len(found) > 1 else found[0]
-    return with_offset(chain, part, best)
-
-
-def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
-    """A history where all counted samples like it best beside what dies out, and the offset with it.
-
-    A search stops sooner, for a fit that moves everything follows it. In a prediction nothing does, and what the past
-    is off by stays all along a run inside minor loops.
-    """
-    if not start.unknowns:
-        return with_offset(chain, part, start)
-    misfit = _misfit_of(chain, part, tangent=dying_out(chain, part))
-    return with_offset(chain, part, _refined(misfit, start.without_reading, part.record, _FINE))
-
-
-class _Misfits:
-    """What is left of a run beside a history [m], from exact to quick to say.
-
-    The surrogate is some tenths of a good sensor's noise off and more, behind which reversals hide. What it is off by
-    changes slowly with the history, so it is taken over from the one where the chain itself was asked last.
-
-    Args:
-        chain: with its parameters fixed.
-        part: all samples that count.
-        tangent: as `settle` has it.
-    """
-
-    def __init__(self, chain: Chain, part: CountedPart, tangent: Array | None = None) -> None:
-        early = telling_part(part)
-        self._chain, self._part, self._early = chain, part, early
-        self._quick = _in_few_steps(with_surrogate(chain), part.record)
-        self._is_exact = self._quick is chain
-        self._left = _left_beside(part, tangent)
-        self._left_early = _left_beside(early, None if tangent is None else tangent[: early.picks.size])
-        self._beside = np.zeros(part.picks.size)
-
-    def exactly(self, start: Start) -> Array:
-        """By the chain."""
-        return self._left(_displacement(self._chain, self._part, start))
-
-    def quickly(self, start: Start) -> Array:
-        """By its surrogate."""
-        return self._left(_displacement(self._quick, self._part, start) + self._beside)
-
-    def early(self, start: Start) -> Array:
-        """By that, of the samples that tell most."""
-        beside = self._beside[: self._early.picks.size]
-        return self._left_early(_displacement(self._quick, self._early, start) + beside)
-
-    def correct_at(self, start: Start) -> Array:
-        """What is left exactly, which `quickly` then says, too."""
-        there = _displacement(self._chain, self._part, start)
-        if not self._is_exact:
-            self._beside = there - _displacement(self._quick, self._part, start)
-        return self._left(there)
-
-
-def _grown(misfits: _Misfits, best: Start, record: Record, clean: float, levels: Sequence[float]) -> Start:
-    """A history with as many more reversals as pay, begun at some levels [V], until only `clean` is left [m]."""
-    longest = _LONGEST if begins_driven(record) else _LONGEST_FROM_REST
-    left = misfits.correct_at(best)
-    while len(best.prior_voltages) < longest and rms(left) > clean:
-        sought = misfits.early(best)
-        longer = [each for each in _longer(misfits.early, best, record, levels) if len(each.prior_voltages) <= longest]
-        seen = [(start, misfits.early(start)) for start in longer]
-        paying = [(start, early) for start, early in seen if pays(sought, early, _more(start, best))]
-        if not paying:
-            break
-        start = _refined(misfits.quickly, min(paying, key=lambda pair: _price(*pair))[0], record)
-        there = misfits.correct_at(start)
-        if not pays(left, there, _more(start, best)):
-            break
-        best, left = start, there
-    return _corrected(misfits, best, record)
-
-
-def _corrected(misfits: _Misfits, best: Start, record: Record) -> Start:
-    """A history refined with the surrogate as it is there, for as long as it gets better."""
-    left = misfits.correct_at(best)
-    for _ in range(_CORRECTIONS if best.unknowns else 0):
-        start = _refined(misfits.quickly, best, record)
-        better = misfits.correct_at(start)
-        if rms(better) >= rms(left):
-            break
-        best, left = start, better
-    return best
+def displacement_of(chain: Chain, part: CountedPart, start: Start) -> Array:
+    """Of a chain at the counted samples [m]."""
+    return free_run(chain, part.record, start, part.picks, part.end).displacement
 
 
 def misfit_at(chain: Chain, part: CountedPart, start: Start) -> Array:
     """Measurement minus model at the counted samples [m]."""
-    return part.displacement - free_run(chain, part.record, start, part.picks, part.end).displacement
+    return part.displacement - displacement_of(chain, part, start)
 
 
 def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
@@ -293,105 +79,3 @@ def dying_out(chain: Chain, part: CountedPart) -> Array:
     if not fades(chain, part.record):
         return np.zeros((part.picks.size, 0))
     return fading_curves(time, _TOLD * float(time[part.end - 1] - time[0]))[part.picks]
-
-
-def _misfit_of(chain: Chain, part: CountedPart, any_scale: bool = False, tangent: Array | None = None) -> Misfit:
-    left = _left_beside(part, tangent, any_scale)
-    return lambda start: left(_displacement(chain, part, start))
-
-
-def _displacement(chain: Chain, part: CountedPart, start: Start) -> Array:
-    return free_run(chain, part.record, start, part.picks, part.end).displacement
-
-
-def _left_beside(part: CountedPart, tangent: Array | None, any_scale: bool = False) -> Callable[[Array], Array]:
-    """From a model's displacement to what is left of the counted samples [m], without what a tangent takes up."""
-    measured = part.displacement - part.displacement.mean()
-    curves = np.zeros((measured.size, 0)) if tangent is None else tangent
-    absorbed = np.linalg.qr(curves - curves.mean(axis=0))[0]  # the mean goes anyway
-
-    def left(model: Array) -> Array:
-        model = model - model.mean()
-        scale = 1.0
-        if any_scale and np.any(model):
-            scale = max(float(model @ measured / (model @ model)), 0.0)
-        found: Array = measured - scale * model
-        return found - absorbed @ (absorbed.T @ found)
-
-    return left
-
-
-def _in_few_steps(chain: Chain, record: Record) -> Chain:
-    if all(in_few_steps(link, record.voltage) is link for link in chain.links):
-        return chain
-    return chain.with_links(lambda link: in_few_steps(link, record.voltage))
-
-
-def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float]) -> list[Start]:
-    """The best histories with one reversal more at the end, with two more anywhere, and with another approach, refined.
-
-    One more reversal in the middle is passed over by a ramp between its neighbours, so there it takes two.
-    """
-    known, begin = start.prior_voltages, float(record.voltage[0])
-    if not _is_nested(known, begin):
-        levels = levels[::2]  # more of them would take too long where none is ruled out
-    one = [(*known, level) for level in levels]
-    two = [(*known[:k], *pair, *known[k:]) for k in range(len(known) + 1) for pair in itertools.permutations(levels, 2)]
-    found = []
-    ways = [[each for each in longer if _is_nested(each, begin)] or longer for longer in (one, two)]
-    tried = [[replace(start, prior_voltages=each) for each in voltages] for voltages in ways]
-    if start.approach is None and begins_driven(record):
-        tried.append([replace(start, approach=start.leg * legs) for legs in _APPROACHES])
-    for starts in tried:
-        near = sorted(starts, key=lambda each: float(np.sum(misfit(each) ** 2)))[:_REFINED]
-        found += [_refined(misfit, each, record) for each in near]
-    return found
-
-
-def _is_nested(voltages: Sequence[float], begin: float) -> bool:
-    """Whether each reversal, and where a run begins, lies between the two before: others would have wiped those out."""
-    path = (*voltages, begin)
-    return all(min(a, b) < c < max(a, b) for a, b, c in zip(path, path[1:], path[2:], strict=False))
-
-
-def _best_of_grid(misfit: Misfit, record: Record, count: int, leg: float) -> list[Start]:
-    levels = np.linspace(*voltage_bounds(record), _GUESSED_LEVELS)
-    starts = [
-        Start(tuple(float(v) for v in voltages), leg)
-        for voltages in itertools.product(levels, repeat=count)
-        if all(a != b for a, b in itertools.pairwise(voltages))
-    ]
-    return sorted(starts, key=lambda start: float(np.sum(misfit(start) ** 2)))[:_REFINED]
-
-
-def _refined(misfit: Misfit, start: Start, record: Record, how: tuple[int, float] = _ROUGH) -> Start:
-    """What local search makes of a start; the start itself where that is no better."""
-    evaluations, tolerance = how
-    unit = max(rms(misfit(start)), 1e-15)  # the tolerances of the search want numbers of order 1
-    low, high = np.array(share_bounds(record, start)).T
-    found = _least_squares(
-        lambda shares: misfit(with_shares(start, record, shares)) / unit,
-        np.clip(shares_of(record, start), low + _ROOM, high - _ROOM),
-        bounds=(low, high),
-        diff_step=1e-3,
-        xtol=tolerance,
-        max_nfev=evaluations,
-    )
-    return with_shares(start, record, found.x) if rms(found.fun) < 1.0 else start
-
-
-def _more(longer: Start, start: Start) -> int:
-    return longer.unknowns - start.unknowns
-
-
-def _price(start: Start, residual: Array) -> float:
-    """What is left and what the reversals cost, to be compared between histories of one run."""
-    return residual.size * math.log(max(rms(residual), 1e-30)) + PRICE * start.unknowns
-
-
-def pays(before: Array, after: Array, reversals: int) -> bool:
-    """Whether what more reversals leave is so much less that they pay for themselves [residuals, each shape (n,)]."""
-    ssr_before, ssr_after = float(np.sum(before**2)), float(np.sum(after**2))
-    if ssr_after <= 0.0 or ssr_before <= 0.0:
-        return ssr_after < ssr_before
-    return effective_samples(after) * math.log(ssr_before / ssr_after) > PRICE * reversals

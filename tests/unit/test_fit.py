@@ -18,13 +18,14 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples, parameter_covariance
 from pzt_ros.sysid.fit import Fit
+from pzt_ros.sysid.history_search import settle
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import fittable, free_parameters, without_noise
 from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.problem import Problem, distinguishable
 from pzt_ros.sysid.result import FitResult
 from pzt_ros.sysid.run import Span, Start, free_run
-from pzt_ros.sysid.start import counted_part, settle, with_offset
+from pzt_ros.sysid.start import counted_part, with_offset
 
 NOISE = 10e-9
 FREE = [

@@ -29,35 +29,31 @@ from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.thermal_drift import ThermalDrift
+from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.amplifier import Amplifier
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.records import Record, read_csv
+from pzt_ros.sysid import history_search
 from pzt_ros.sysid import predict as predict_module
-from pzt_ros.sysid import start as start_module
 from pzt_ros.sysid.fit import Fit
-from pzt_ros.sysid.predict import predict
-from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms, typical_leg
-from pzt_ros.sysid.run_in import running_in
-from pzt_ros.sysid.start import (
+from pzt_ros.sysid.history_search import (
     _corrected,
     _is_nested,
     _longer,
     _misfit_of,
     _Misfits,
     _refined,
-    counted_part,
-    misfit_at,
     settle,
-    share_bounds,
-    shares_of,
     telling_part,
-    voltage_bounds,
-    with_offset,
-    with_shares,
 )
+from pzt_ros.sysid.history_shares import share_bounds, shares_of, voltage_bounds, with_shares
+from pzt_ros.sysid.predict import predict
+from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms, typical_leg
+from pzt_ros.sysid.run_in import running_in
+from pzt_ros.sysid.start import counted_part, misfit_at, with_offset
 from pzt_ros.sysid.start_notes import start_as_data, start_from_data
 
 NOISE = 12e-9
@@ -183,7 +179,7 @@ def test_a_history_found_with_a_surrogate_is_refined_with_the_chain_itself(monke
     """The surrogate here has a coercive field that is 2 % off, and alone would put the reversals elsewhere."""
     off = dataclasses.replace(MODEL_LINK, coercive_field=5.0e5)
     part = counted_part(INSIDE, Span(None, 5.0), 1000)
-    monkeypatch.setattr(start_module, "with_surrogate", lambda chain: Chain("off", (off, STRAIN)))
+    monkeypatch.setattr(history_search, "with_surrogate", lambda chain: Chain("off", (off, STRAIN)))
     misfits = _Misfits(MODEL, part)
     begin = Start((154.0, 24.0, 127.0), 1.0)
     alone = _refined(misfits.quickly, begin, INSIDE)
@@ -324,6 +320,25 @@ def test_a_run_whose_past_was_not_found_is_searched_more_thoroughly(monkeypatch:
     monkeypatch.setattr(histories, "_STEPS", 0)
     found = renewed(lost)
     assert found.fit.ratio < 1.05
+
+
+def test_a_run_that_comes_off_worse_by_the_histories_of_others_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A null of the court stayed at 1.7 x: its test run had found a past beside parameters that the others changed."""
+    left: list[Any] = [
+        SimpleNamespace(ratios=(1.7, 1.3), total=4.4),
+        SimpleNamespace(ratios=(1.1, 2.2), total=6.2),
+        SimpleNamespace(ratios=(1.0, 1.0), total=2.0),
+    ]
+    fits, asked = iter(left[1:]), []
+
+    def sought(found: Any, numbers: Sequence[int], *rest: Any) -> dict[int, Start]:
+        asked.append((found, list(numbers)))
+        return {}
+
+    monkeypatch.setattr(histories, "_histories", sought)
+    monkeypatch.setattr(histories, "_fitted_with", lambda found, known: next(fits))
+    assert histories._with_other_histories(left[0], [0, 1], IN_THIS_PROCESS) is left[2]
+    assert asked == [(left[0], [0, 1]), (left[1], [1])]
 
 
 @pytest.mark.parametrize(
