@@ -12,7 +12,6 @@ from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
 from pzt_ros.diagnosis.other_bases import Densities, Elements, on_densities
-from pzt_ros.diagnosis.refinement import taken_on
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -59,8 +58,6 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
     Where the runs are one loop, effects beside the declared density say no more than another density does.
     """
-    if declared.staged.has_past:  # what is left of a past must not be won by an effect
-        declared = taken_on(declared, asked)
     if _is_as_near_as_a_past(declared, declared, asked):
         return [_on_declared(declared, ())]
     densities = Densities(declared, Search(asked.on_flexible(), progress=progress, workers=workers))

@@ -25,7 +25,7 @@ from pzt_ros.sysid.run import Start, begun_ceramic
 from pzt_ros.sysid.thinning import thinned
 
 _STEP = 1e-3
-_FEWER = 0.25  # share of a run's samples from which slopes are found at all of them
+_FEWER = 0.25  # share of a run's samples that say the same of its drive, beyond which it turns at every few of them
 _REMEMBERED = 3  # evaluations
 _NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
 _FAR = 0.01  # so far apart, in coordinates, two places have to be for their differences to tell a slope
@@ -163,7 +163,7 @@ class DeclaredHysteresis:
                 here = self._run(exact, vector, number, voltage)
                 found._rough[number] = self._rough[number]
                 difference = here - self._run(found._near(vector, number), vector, number, voltage)
-                far_off = np.std(difference) > _ROUGH * np.ptp(here)
+                far_off = np.std(difference) > _ROUGH * np.ptp(here) and _turns_often(self.records[number], voltage)
                 if far_off and not found._rough[number] and self._may_be_rough(vector):
                     found._rough[number] = True
                     difference = here - self._run(found._near(vector, number), vector, number, voltage)
@@ -221,9 +221,7 @@ class DeclaredHysteresis:
         columns = np.zeros((voltage.size, len(of_run)))
         near = self._near(vector, number)  # with its substeps and spacing: a difference may not see them change
         time = self.records[number].time
-        kept = thinned(time, voltage)
-        if kept.size > _FEWER * time.size:  # a drive that turns at every few samples, where steps of a front are cliffs
-            kept = np.arange(time.size)
+        kept = np.arange(time.size) if _turns_often(self.records[number], voltage) else thinned(time, voltage)
         here = self._run(near, vector, number, voltage, kept)
         for column, k in enumerate(of_run):
             moved = vector.copy()
@@ -286,6 +284,11 @@ class DeclaredHysteresis:
         state, _ = begun_ceramic(link, record, self.start_of(vector, number), self.gain)
         _, out = link.step(state, Signals(time=record.time[kept], voltage=voltage[kept]))
         return out.polarization
+
+
+def _turns_often(record: Record, voltage: Array) -> bool:
+    """Whether a drive turns at every few samples, where the front model's steps and decisions are cliffs."""
+    return thinned(record.time, voltage).size > _FEWER * record.time.size
 
 
 def _affordable(link: Ferroelectric, most: int) -> Ferroelectric:

@@ -26,7 +26,7 @@ from pzt_ros.sysid.run import Start, typical_leg
 from pzt_ros.sysid.start import CountedPart, misfit_at
 
 _CLEAN, _CLEAN_FROM_REST = 1.005, 1.1  # rms over noise of a run whose history is not asked for
-_ROUNDS, _GAINED, _TOLD = 4, 0.1, 0.01  # of histories and all else; until less of the excess, or of `total`, goes
+_ROUNDS, _GAINED, _TOLD = 4, 0.1, 0.04  # of histories and all else; until less of the excess, or of `total`, goes
 _WORSE = 1.02  # rms over what it was, of a run that another history may suit
 _NEARLY_CLEAN, _NEAR = 1.02, 2.0  # rms over noise between which pasts alone may be missing, and are sought thoroughly
 _STEPS = 40
@@ -62,8 +62,8 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
     if not found.staged.has_past:
         plain = without_histories(found) if found.effects else None
         return with_best_amplitude(found if plain is None else min(plain, found, key=_total))
+    found = exact(found)
     for _ in range(_ROUNDS):
-        found = exact(found)
         asked = _without_their_past(found)
         if not asked:
             return found
@@ -73,7 +73,7 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
         if not gained:
             break
     asked = _without_their_past(found)
-    if not asked or not _NEARLY_CLEAN < max(found.ratios) <= _NEAR:
+    if found.effects or not asked or not _NEARLY_CLEAN < max(found.ratios) <= _NEAR:
         return found
     return min(found, _with_other_histories(found, asked, workers, thorough=True), key=_total)
 
@@ -88,7 +88,7 @@ def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
     if not both or not other.staged.has_past:
         return found
     starts = {number: ceramic.start_of(vector, number) for number in range(len(other.staged.runs))}
-    return min(found, exact(_refitted(found, starts)), key=_total)
+    return min(found, _fitted_with(found, starts), key=_total)
 
 
 def without_histories(declared: Hypothesis) -> Hypothesis | None:
@@ -141,15 +141,16 @@ def _with_other_histories(
     A run that only chooses had found its own beside parameters that the histories of the others then changed.
     """
     again = _fitted_with(found, _histories(found, asked, workers, thorough))
-    worse = [number for number in asked if again.ratios[number] > _WORSE * found.ratios[number]]
-    if not worse or len(worse) == len(asked):
+    driven = [number for number in asked if found.staged.runs[number].begins_driven]  # others hardly have one
+    worse = [number for number in driven if again.ratios[number] > _WORSE * found.ratios[number]]
+    if not worse or len(worse) == len(driven):
         return again
     return min(again, _fitted_with(again, _histories(again, worse, workers, thorough)), key=_total)
 
 
 def _fitted_with(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:
-    """Fitted with other histories of some runs; exactly where it was so near that they were sought exactly."""
-    return exactly(_refitted(found, known, 0)) if _is_near(found) else _refitted(found, known)
+    """Fitted with other histories of some runs; exactly at once where it was so near that they were sought exactly."""
+    return exactly(_refitted(found, known, 0)) if _is_near(found) else exact(_refitted(found, known))
 
 
 def _is_near(found: Hypothesis) -> bool:

@@ -6,12 +6,14 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import repeat
 
 import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate, best_of_each
 from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.finish import finished
+from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.refinement import refits, rivals_of, seen_as
@@ -170,10 +172,24 @@ class Seeker(Judge):
         tried = [(prospect, after) for prospect, after in zip(prospects, afters, strict=True) if after]
         found = [Candidate(prospect.effect.name, seen_as(before, prospect), after) for prospect, after in tried]
         rivals = [rival for rival in rivals_of(found) if self.is_worth_finishing(rival)]
-        unfinished = [not self.at_floor(candidate.after) for candidate in rivals]
-        exacts = self.workers.map(finished, [candidate.after for candidate in rivals], unfinished)
-        better = dict(zip(rivals, exacts, strict=True))
+        better = dict(zip(rivals, self._finished([candidate.after for candidate in rivals]), strict=True))
         return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
+
+    def _finished(self, rivals: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Refits taken on; beside unknown pasts from those of the best where it comes to the floor by them.
+
+        A search for pasts of its own takes each a minute, and what is as good beside the same runs is so beside theirs.
+        """
+        best = min(rivals, key=lambda each: each.total, default=None)
+        if best is None or not best.staged.has_past:
+            return list(self.workers.map(finished, rivals, [not self.at_floor(each) for each in rivals]))
+        others = [each for each in rivals if each is not best]
+        there = finished(best, not self.at_floor(best))
+        if self.at_floor(there):
+            afters = iter(self.workers.map(with_histories_of, others, repeat(there)))
+        else:
+            afters = iter(self.workers.map(finished, others, [not self.at_floor(each) for each in others]))
+        return [there if each is best else next(afters) for each in rivals]
 
     def _from_the_best(
         self, before: Hypothesis, prospects: Sequence[Prospect], afters: Sequence[Hypothesis | None]

@@ -74,6 +74,7 @@ class Prediction:
             "noise_rms_m": self.noise if known else None,
             "offset_m": self.start.offset,
             "prior_voltage_V": list(self.start.prior_voltages),
+            "approach_s": self.start.approach,
             "rule": self.rule,
         }
 

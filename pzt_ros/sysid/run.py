@@ -226,7 +226,7 @@ def begun_ceramic(link: Ferroelectric, record: Record, start: Start, gain: float
     if not before.time.size:
         return state, np.empty(0)
     state, out = link.step(state, before)
-    return state, out.polarization
+    return state, out.polarization[: len(start.prior_voltages)]  # where it waits it does not turn
 
 
 def amplifier_gain(chain: Chain) -> float:

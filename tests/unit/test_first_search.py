@@ -241,7 +241,6 @@ def test_what_a_past_is_off_by_is_no_drift_by_chance(
     searched: list[Any] = []
     monkeypatch.setattr(Search, "run", lambda self, found: searched.append(found) or [Step(found, (), {}, (), (), "")])
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: wanders.append(base) or steps)
-    monkeypatch.setattr(branches, "taken_on", lambda found, asked: found)
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
@@ -302,7 +301,6 @@ def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monke
         return [Step(found, (), {}, (), (), "", better if found is declared else None)]
 
     monkeypatch.setattr(Search, "run", run)
-    monkeypatch.setattr(branches, "taken_on", lambda found, asked: found)
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
     (branch,) = branches._searched(declared, Thresholds(), lambda text: None, IN_THIS_PROCESS)
     assert branch.base is better

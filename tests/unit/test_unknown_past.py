@@ -324,8 +324,9 @@ def test_a_run_whose_past_was_not_found_is_searched_more_thoroughly(monkeypatch:
 
 def test_a_run_that_comes_off_worse_by_the_histories_of_others_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A null of the court stayed at 1.7 x: its test run had found a past beside parameters that the others changed."""
+    driven = SimpleNamespace(begins_driven=True)
     left: list[Any] = [
-        SimpleNamespace(ratios=(1.7, 1.3), total=4.4),
+        SimpleNamespace(ratios=(1.7, 1.3), total=4.4, staged=SimpleNamespace(runs=[driven, driven])),
         SimpleNamespace(ratios=(1.1, 2.2), total=6.2),
         SimpleNamespace(ratios=(1.0, 1.0), total=2.0),
     ]
