@@ -118,16 +118,17 @@ class Judge:
             return near and before.total - there.total >= asked * (before.total - here.total)
         if winner.before.total - other.after.total < asked * gained:
             return False
-        decided = self._is_decided(winner, other)
-        # a few reversals stand for a past, and what they are off by averages out no more than a wrong model does
-        return not (decided and explained) or winner.after.staged.has_past
+        return not (explained and self._is_decided(winner, other))
 
     def _is_decided(self, winner: Candidate, other: Candidate) -> bool:
         """Whether the likelihoods decide, both where it was fitted and where not, or the former beyond all doubt."""
         asked, fitted = self.thresholds, gain_of(other.after.fit, winner.after.fit)
+        chosen = gain_of(other.after.selection, winner.after.selection)
+        if winner.after.staged.has_past:  # what pasts are off by averages out no more than a wrong model does
+            all_settled = max(winner.after.ratios) <= asked.settled
+            return all_settled and fitted > asked.beside_pasts and chosen > 0.0
         if other.after.fit.ratio**2 - winner.after.fit.ratio**2 > asked.told_apart:
             return True
-        chosen = gain_of(other.after.selection, winner.after.selection)
         settled = winner.after.fit.ratio <= asked.settled
         beyond_doubt = settled and fitted > asked.overwhelming and chosen > 0.0
         return beyond_doubt or min(fitted, chosen) > asked.decisive

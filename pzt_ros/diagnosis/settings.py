@@ -60,6 +60,7 @@ class Thresholds:
             winner reaches the floor.
         overwhelming: the same where it was fitted, if what chooses only does not speak against it: that is less and may
             show little of what they differ in.
+        beside_pasts: as `overwhelming`, of runs whose past nobody recorded, each of them settled.
         told_apart: mean square, in units of the noise, that another has to leave beyond the winner not to tie with it
             on a density that was fitted to all seen: without an effect that is off by 0.08 at most.
         law_tie: mean square, in units of the noise, that a strain law of higher order may leave beyond what a sensor's
@@ -129,6 +130,7 @@ class Thresholds:
     flexible_alike: float = 0.75
     decisive: float = 25.0
     overwhelming: float = 100.0
+    beside_pasts: float = 200.0
     told_apart: float = math.inf
     law_tie: float = 0.12
     undeclared_law_tie: float = 0.25
@@ -195,6 +197,7 @@ class Thresholds:
             tie=self.flexible_alike,
             decisive=math.inf,
             overwhelming=math.inf,
+            beside_pasts=math.inf,
             told_apart=self.flexible_told_apart,
             most_effects=self.unchecked_effects,
         )

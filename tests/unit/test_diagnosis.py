@@ -924,6 +924,28 @@ def test_beside_an_unknown_past_no_likelihood_decides(driven: bool) -> None:
 @pytest.mark.parametrize(
     ("winner", "rival", "tied"),
     [
+        ((1.0, 1.0), (1.15, 1.001), False),
+        ((1.0, 1.0), (1.15, 0.999), True),
+        ((1.0, 1.0), (1.1, 1.1), True),
+        ((1.0, 1.03), (1.15, 1.04), True),
+    ],
+)
+def test_beside_pasts_that_were_found_in_every_run_a_likelihood_decides(
+    winner: tuple[float, float], rival: tuple[float, float], tied: bool
+) -> None:
+    """Four court cases: the lag or bandwidth that was there left 1.01 x, another 1.02, and both were the answer."""
+    before = misfitting(4.0, 4.0)
+    lag, bandwidth = (
+        Candidate(name, before, misfitting(*ratios))
+        for name, ratios in (("sensor_lag", winner), ("amplifier_bandwidth", rival))
+    )
+    lag.after.staged = SimpleNamespace(has_past=True)  # type: ignore[misc, assignment]
+    assert Search().is_as_good(lag, bandwidth) is tied
+
+
+@pytest.mark.parametrize(
+    ("winner", "rival", "tied"),
+    [
         ((1.0, 1.0), (1.005, 1.002), True),
         ((1.0, 1.0), (1.03, 1.03), False),
         ((1.0, 1.0), (1.2, 1.001), False),
