@@ -1,8 +1,9 @@
 """Unknown history and unknown zero of a run: tried on a grid, refined, and kept as short as the data allow.
 
 What happened before the first sample acts through the reversal points it left behind (diagnosis-methods.md 4). So a
-history is a few prior reversal voltages, run through before the record; the offset of the displacement is linear and
-solved exactly. More reversals fit anything better, so each has to pay for itself.
+history is a few prior reversal voltages, run through before the record, and, where a drive had waited or hurried, how
+long ago the last was left; the offset of the displacement is linear and solved exactly. More unknowns fit anything
+better, so each has to pay for itself.
 """
 
 from __future__ import annotations
@@ -130,12 +131,12 @@ def telling_part(part: CountedPart) -> CountedPart:
     return replace(part, picks=picks, end=int(picks[-1]) + 1) if picks.size >= _FEWEST else part
 
 
-def pays(before: Array, after: Array, reversals: int) -> bool:
-    """Whether what more reversals leave is so much less that they pay for themselves [residuals, each shape (n,)]."""
+def pays(before: Array, after: Array, unknowns: int) -> bool:
+    """Whether what more unknowns leave is so much less that they pay for themselves [residuals, each shape (n,)]."""
     ssr_before, ssr_after = float(np.sum(before**2)), float(np.sum(after**2))
     if ssr_after <= 0.0 or ssr_before <= 0.0:
         return ssr_after < ssr_before
-    return effective_samples(after) * math.log(ssr_before / ssr_after) > PRICE * reversals
+    return effective_samples(after) * math.log(ssr_before / ssr_after) > PRICE * unknowns
 
 
 class _Misfits:
@@ -297,5 +298,5 @@ def _more(longer: Start, start: Start) -> int:
 
 
 def _price(start: Start, residual: Array) -> float:
-    """What is left and what the reversals cost, to be compared between histories of one run."""
+    """What is left and what the unknowns cost, to be compared between histories of one run."""
     return residual.size * math.log(max(rms(residual), 1e-30)) + PRICE * start.unknowns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -36,5 +37,12 @@ def start_from_data(entry: Mapping[str, Any]) -> Start:
         tuple(float(v) for v in entry.get("occupancy", ())),
         tuple((str(name), float(value)) for name, value in entry.get("values", {}).items()),
         tuple(float(size) for size in entry.get("fading_m", ())),
-        None if approach is None else float(approach),
+        None if approach is None else _duration(approach),
     )
+
+
+def _duration(value: Any) -> float:
+    found = float(value)
+    if not 0.0 < found < math.inf:
+        raise ValueError(f"{found:g} s is no duration")
+    return found

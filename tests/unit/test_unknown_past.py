@@ -232,6 +232,9 @@ def test_an_approach_is_written_down_and_read_again() -> None:
     start = Start((150.0, 20.0), 0.5, approach=12.5)
     assert start_from_data(start_as_data(start, "0", "run")) == start
     assert "12.5 s" in str(start)
+    for value in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="no duration"):
+            start_from_data({**start_as_data(start, "0", "run"), "approach_s": value})
     usual = Start((150.0, 20.0), 0.5)
     assert "approach_s" not in start_as_data(usual, "0", "run")
     assert start_from_data(start_as_data(usual, "0", "run")) == usual
