@@ -22,7 +22,7 @@ from pzt_ros.sysid.fading import fading_course
 CHUNK = 250_000
 """Samples that run through a chain at once; bounds the memory that long records take."""
 
-_AT_REST, _NOT_ZERO = 0.02, 1e-3  # of the largest voltage
+_AT_REST, _NOT_AN_OFFSET, _NOT_ZERO = 0.02, 0.01, 1e-3  # of the largest voltage
 _FEW = 10  # samples
 
 
@@ -102,14 +102,16 @@ class Start:
 def begins_driven(record: Record) -> bool:
     """Whether the voltage is up already at the first sample, by 2 % of its peak, or on its way to 0 V there.
 
-    The record then has a past. A start at 0 V that is recorded some samples late moves away from there.
+    The record then has a past. A start at 0 V that is recorded some samples late moves away from there as fast as it
+    had come; one that stands where it begins, by a percent, was there before.
     """
     early = record.voltage[:_FEW] * np.sign(record.voltage[0])
     first, last = float(early[0]), float(early[-1])
     peak = float(np.max(np.abs(record.voltage)))
     falls = bool(np.all(np.diff(early) < 0.0))  # noise would not, so often in a row
     passes = first > _NOT_ZERO * peak and (last < 0.0 or falls)
-    return first > _AT_REST * peak or passes
+    stands = first > _NOT_AN_OFFSET * peak and first > abs(last - first)
+    return first > _AT_REST * peak or passes or stands
 
 
 def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> tuple[float, ...]:

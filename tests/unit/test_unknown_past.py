@@ -537,6 +537,9 @@ def test_what_a_thorough_search_took_beyond_may_stay_there() -> None:
         (1.9 - 0.07 * np.arange(10), True),  # of a court case: it comes to 0 V later
         (0.36 * np.cos(0.02 * np.arange(10)), True),  # of another: from a turn
         (0.05 - 0.002 * np.arange(10), False),
+        (-1.6 - 0.01 * np.arange(10) ** 2, True),  # of a third: it stood at a turn, and was 5 x the noise off
+        (1.6 + 0.3 * np.arange(10), False),  # late, too
+        ((0.8, 0.8, 0.8, 0.8), False),  # the zero of a monitor
     ],
 )
 def test_a_run_on_its_way_through_zero_has_a_past(first: Sequence[float], driven: bool) -> None:
