@@ -14,6 +14,7 @@ from scipy import signal as scipy_signal
 
 from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.floor import quiet_stretches, sampling_class
+from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.lines import FEWEST, strongest
 from pzt_ros.diagnosis.views import centred
 from pzt_ros.physics.signals import Array
@@ -93,7 +94,7 @@ def _alone(runs: Sequence[RunData]) -> list[str]:
 def _slow_ratio(run: RunData, residual: Array, colour: float) -> float:
     """See Remains.slow; 0 where it is too small to matter, however sure."""
     length = _mean_length(run)
-    if residual.size < 8 * length:
+    if residual.size < 8 * length or np.any(lost_turns(run.record)):  # a turn inside a minor loop stays
         return 0.0
     rms = float(np.sqrt(np.mean(_means(residual, length) ** 2)))
     return rms * math.sqrt(length) / (colour * run.noise) if rms > _LEAST_SLOW * run.noise else 0.0

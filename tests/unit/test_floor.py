@@ -94,6 +94,17 @@ def test_what_follows_a_lost_turn_does_not_count() -> None:
         assert picks.size == len(run) - lost.size
 
 
+@pytest.mark.parametrize(("missing", "remain"), [(slice(980, 1020), False), (slice(300, 340), True)])
+def test_a_lost_turn_is_no_slow_remain(missing: slice, remain: bool) -> None:
+    """A null of the court: a chirp lost some turns, was 5 nm off for half a second, and "something is missing"."""
+    run = triangle(1.0, missing)
+    noise = NOISE * np.random.default_rng(3).standard_normal(len(run))
+    left = noise + 0.8 * NOISE * (run.time > 1.2)
+    found = remains_of([RunData(run, {}, NOISE)], [left], 1.1, 2.0)
+    assert found.present is remain
+    assert not remains_of([RunData(run, {}, NOISE)], [noise], 1.1, 2.0).present
+
+
 @pytest.mark.parametrize("missing", [slice(300, 340), slice(0, 0), slice(1000, 1001)])
 def test_gaps_elsewhere_lose_nothing(missing: slice) -> None:
     assert not np.any(lost_turns(triangle(1.0, missing)))
