@@ -171,6 +171,34 @@ def test_a_base_that_is_wrong_is_not_tried_from_elsewhere(
     assert search.seen == ["base", *["elsewhere"] * goes_on]  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(
+    ("has_past", "reached", "searched", "told"),
+    [(True, 1.0, ["best"], ["rival"]), (True, 1.3, ["best", "rival"], []), (False, 1.0, ["rival", "best"], [])],
+)
+def test_rivals_of_what_comes_to_the_floor_begin_from_its_pasts(
+    monkeypatch: pytest.MonkeyPatch, has_past: bool, reached: float, searched: list[str], told: list[str]
+) -> None:
+    """Court cases: each of four effects searched pasts of its own for a minute; nine minutes for one diagnosis."""
+    rival, best, end = leaving(3.2, 3.2, name="rival"), leaving(3.0, 3.0, name="best"), leaving(reached, reached)
+    for each in (rival, best, end):
+        each.staged = SimpleNamespace(runs=[], has_past=has_past)
+    asked: dict[str, list[str]] = {"searched": [], "told": []}
+
+    def finished(found: Any, further: bool) -> Any:
+        asked["searched"].append(found.name)
+        return end if found is best else found
+
+    def with_histories_of(found: Any, other: Any) -> Any:
+        assert other is end
+        asked["told"].append(found.name)
+        return found
+
+    monkeypatch.setattr(seeker, "finished", finished)
+    monkeypatch.setattr(seeker, "with_histories_of", with_histories_of)
+    assert Search()._finished([rival, best]) == [rival, end]
+    assert asked == {"searched": searched, "told": told}
+
+
 @pytest.mark.parametrize(("left", "taken"), [(3.9, 0), (3.0, 1)])
 def test_what_explains_next_to_nothing_is_not_polished(
     monkeypatch: pytest.MonkeyPatch, left: float, taken: int
