@@ -20,7 +20,7 @@ from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
+from pzt_ros.physics.surrogate import with_quick_surrogate, with_surrogate
 from pzt_ros.sysid.history_search import first_guesses, settle
 from pzt_ros.sysid.run import Start, typical_leg
 from pzt_ros.sysid.start import CountedPart, misfit_at
@@ -186,7 +186,7 @@ def _history(found: Hypothesis, number: int, thorough: bool) -> Start:
     run = found.staged.runs[number]
     part = _part(run)
     chain = found.staged.chain_at(found.vector, number)
-    quick = with_surrogate(chain).with_links(lambda link: in_few_steps(link, run.record.voltage))
+    quick = with_quick_surrogate(chain, run.record.voltage)
     bases = [*_bases(found, number), *_most_alike(found, number, quick, part)]
     if thorough:
         bases = [*bases, Start(leg=typical_leg(run.record))]

@@ -36,9 +36,9 @@ def surrogate_of(model: Ferroelectric) -> Ferroelectric:
 def in_few_steps(link: Link, voltage: Array) -> Any:
     """A front model with longer substeps where a fit has made domains so narrow that each sample takes many.
 
-    Any other link, and a front model that steps fast, is returned as it is.
+    Any other link, and a front model that steps fast or is as loose already, is returned as it is.
     """
-    if not isinstance(link, Front):
+    if not isinstance(link, Front) or link.accuracy >= _LOOSE:
         return link
     climb = float(np.mean(np.abs(np.diff(voltage)))) / link.layer_thickness
     return dataclasses.replace(link, accuracy=_LOOSE) if climb > _MANY * link.thermal_width else link
@@ -49,3 +49,11 @@ def with_surrogate(chain: Chain) -> Chain:
     if not any(isinstance(link, Polycrystal) for link in chain.links):
         return chain
     return chain.with_links(lambda link: surrogate_of(link) if isinstance(link, Ferroelectric) else link)
+
+
+def with_quick_surrogate(chain: Chain, voltage: Array) -> Chain:
+    """The same for a search over one drive [V]: in few steps, too, where each sample would take many."""
+    quick = with_surrogate(chain)
+    if all(in_few_steps(link, voltage) is link for link in quick.links):
+        return quick
+    return quick.with_links(lambda link: in_few_steps(link, voltage))

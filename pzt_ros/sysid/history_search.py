@@ -19,7 +19,7 @@ from scipy import optimize
 
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
-from pzt_ros.physics.surrogate import in_few_steps, with_surrogate
+from pzt_ros.physics.surrogate import with_quick_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
 from pzt_ros.sysid.history_shares import (
@@ -154,7 +154,7 @@ class _Misfits:
     def __init__(self, chain: Chain, part: CountedPart, tangent: Array | None = None) -> None:
         early = telling_part(part)
         self._chain, self._part, self._early = chain, part, early
-        self._quick = _in_few_steps(with_surrogate(chain), part.record)
+        self._quick = with_quick_surrogate(chain, part.record.voltage)
         self._is_exact = self._quick is chain
         self._left = _left_beside(part, tangent)
         self._left_early = _left_beside(early, None if tangent is None else tangent[: early.picks.size])
@@ -232,12 +232,6 @@ def _left_beside(part: CountedPart, tangent: Array | None, any_scale: bool = Fal
         return found - absorbed @ (absorbed.T @ found)
 
     return left
-
-
-def _in_few_steps(chain: Chain, record: Record) -> Chain:
-    if all(in_few_steps(link, record.voltage) is link for link in chain.links):
-        return chain
-    return chain.with_links(lambda link: in_few_steps(link, record.voltage))
 
 
 def _longer(misfit: Misfit, start: Start, record: Record, levels: Sequence[float]) -> list[Start]:

@@ -42,7 +42,7 @@ def with_shares(start: Start, record: Record, shares: Sequence[float] | Array) -
 
 
 def share_bounds(record: Record, start: Start) -> list[tuple[float, float]]:
-    """Within which each share of a start may move; wider where a thorough search took reversals beyond the usual."""
+    """Within which each share of a start may move [-]; wider where a thorough search took reversals beyond."""
     low, high = USUAL
     shares = shares_of(record, start)
     usual = all(low - _ROUNDING <= share <= high + _ROUNDING for share in shares[: len(start.prior_voltages)])

@@ -35,6 +35,7 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.physics.surrogate import with_quick_surrogate
 from pzt_ros.records import Record, read_csv
 from pzt_ros.sysid import history_search
 from pzt_ros.sysid import predict as predict_module
@@ -179,7 +180,7 @@ def test_a_history_found_with_a_surrogate_is_refined_with_the_chain_itself(monke
     """The surrogate here has a coercive field that is 2 % off, and alone would put the reversals elsewhere."""
     off = dataclasses.replace(MODEL_LINK, coercive_field=5.0e5)
     part = counted_part(INSIDE, Span(None, 5.0), 1000)
-    monkeypatch.setattr(history_search, "with_surrogate", lambda chain: Chain("off", (off, STRAIN)))
+    monkeypatch.setattr(history_search, "with_quick_surrogate", lambda chain, voltage: Chain("off", (off, STRAIN)))
     misfits = _Misfits(MODEL, part)
     begin = Start((154.0, 24.0, 127.0), 1.0)
     alone = _refined(misfits.quickly, begin, INSIDE)
@@ -195,6 +196,15 @@ def test_what_a_surrogate_is_off_by_is_taken_over_from_where_the_chain_was_asked
     np.testing.assert_array_equal(misfits.correct_at(there), misfits.exactly(there))
     np.testing.assert_allclose(misfits.quickly(there), misfits.exactly(there), atol=1e-3 * NOISE)
     assert rms(misfits.quickly(near) - misfits.exactly(near)) < 0.3 * off
+
+
+@pytest.mark.parametrize("volts", [1.0, 1e3])
+def test_a_quick_surrogate_is_its_own(volts: float) -> None:
+    """It was copied once more where each sample took many steps, and then taken for a surrogate of another."""
+    voltage = volts * np.arange(50.0)
+    quick = with_quick_surrogate(MODEL, voltage)
+    assert quick is not MODEL
+    assert with_quick_surrogate(quick, voltage) is quick
 
 
 WAITED = 3.0
