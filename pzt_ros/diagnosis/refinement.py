@@ -14,6 +14,7 @@ from pzt_ros.diagnosis.candidates import Candidate, gain_of
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.elsewhere import from_elsewhere
 from pzt_ros.diagnosis.finish import finished
+from pzt_ros.diagnosis.going_on import counted_otherwise
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.screen import Prospect
@@ -80,11 +81,12 @@ def polished(candidates: tuple[Candidate, ...], asked: Thresholds, workers: Work
     held = {candidate.name: after for candidate, after in zip(bent, afters, strict=True)}
     tried = (replace(candidate, after=held.get(candidate.name, candidate.after)) for candidate in candidates)
     best, *others = sorted(tried, key=lambda c: c.after.total)
-    places = [best.after]
-    if _may_come_down(best.after, asked):
-        places += off_bounds(best.after)
-    if max(best.after.ratios) > asked.floor and best.after.fit.ratio <= asked.polishable:
-        places.append(from_elsewhere(best.after, asked))
+    there = counted_otherwise(best.after)
+    places = [there]
+    if _may_come_down(there, asked):
+        places += off_bounds(there)
+    if max(there.ratios) > asked.floor and there.fit.ratio <= asked.polishable:
+        places.append(from_elsewhere(there, asked))
     lowest = min(places, key=lambda found: found.total)
     if lowest.fit.ratio <= asked.polishable:
         lowest = detailed(lowest, asked)

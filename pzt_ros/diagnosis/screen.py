@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from pzt_ros.diagnosis.coordinates import Coordinate, coordinate, of_effect
+from pzt_ros.diagnosis.coordinates import Coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SELECTION, seen_through
+from pzt_ros.diagnosis.going_on import counts_before
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.staged import Staged
-from pzt_ros.effects.effect import Effect, GoesOn
+from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import with_effect
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
@@ -167,12 +168,8 @@ class Screen:
 
     def _given(self, effect: Effect, link: Link) -> list[tuple[Coordinate, ...]]:
         """What single runs may be known to begin with: nothing, or what the runs before have left."""
-        if not isinstance(link, GoesOn):
-            return [()]
-        counts = [link.gone_through(polarization) for polarization in self._polarizations]
-        before = np.concatenate(([0.0], np.cumsum(counts[:-1])))
-        links = (dataclasses.replace(link, **{effect.goes_on: float(count)}) for count in before)
-        return [(), tuple(coordinate(each, effect.goes_on, run=number) for number, each in enumerate(links))]
+        counted = counts_before(effect.goes_on, link, self._polarizations) if effect.goes_on else ()
+        return [(), counted] if counted else [()]
 
     def refined(self, prospect: Prospect) -> Prospect:
         """The same effect in the shape that promises most, sought from the one given: a grid is too coarse.

@@ -14,7 +14,8 @@ from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.final_fit import fitted_to_all
-from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit
+from pzt_ros.diagnosis.going_on import counted_otherwise
+from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.effects.polarization_fatigue import PolarizationFatigue
@@ -99,6 +100,18 @@ def test_runs_that_begin_anew_are_told_from_those_that_go_on() -> None:
     assert max(found.ratios) < 1.1
     assert found.staged.given == ()
     assert "goes_on" not in model_of(found, "model", "").notes["start"]["other"]
+
+
+def test_runs_that_were_taken_to_begin_anew_are_counted_where_that_leaves_less() -> None:
+    """Beside pasts that make up for what goes on from run to run, a screen sees least of it."""
+    _, found, *_ = repaired(goes_on=True)
+    anew = dataclasses.replace(found.staged, given=())
+    began = fitted(anew, found.vector, found.effects)
+    other = counted_otherwise(began)
+    assert began.total > 1.5 * found.total
+    assert [each.run for each in other.staged.given] == [0, 1, 2]
+    assert other.total == pytest.approx(found.total, rel=0.01)
+    assert counted_otherwise(found) is found
 
 
 def test_a_model_goes_on_where_its_runs_ended() -> None:
