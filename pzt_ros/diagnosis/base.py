@@ -10,6 +10,7 @@ import numpy as np
 from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
 from pzt_ros.diagnosis.data import RunData, seen_through
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.histories import with_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.staged import Progress, Staged
@@ -53,7 +54,7 @@ def fit_declared(
         BenchError: the chain has no ceramic, or an unknown parameter in `free:`.
     """
     progress(f"fitting {chain.name}")
-    return with_pasts(begun(chain, runs), progress, workers)
+    return with_pasts(as_poled(begun(chain, runs)), progress, workers)
 
 
 def begun(chain: Chain, runs: Sequence[RunData]) -> Hypothesis:

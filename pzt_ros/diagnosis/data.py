@@ -39,6 +39,7 @@ class RunData:
         polarization_noise: what a misfit of the polarization is measured in [C/m^2]; 0 where it was not recorded.
         spikes: readings that stood alone in it, by column.
         wander: time over which its readings may wander by chance [s]; 0 where they do not, inf for a straight line.
+        poled: whether it begins at rest where a drive had left it that nobody recorded.
         fades: whether it begins with what a link that relaxes remembers of a past that nobody recorded.
     """
 
@@ -48,6 +49,7 @@ class RunData:
     polarization_noise: float = 0.0
     spikes: Mapping[str, Spikes] = field(default_factory=dict)
     wander: float = 0.0
+    poled: bool = False
     fades: bool = False
 
     @cached_property
@@ -126,7 +128,8 @@ class RunData:
 
 def seen_through(chain: Chain, runs: Sequence[RunData]) -> list[RunData]:
     """Runs as a chain sees them: what its links remember of a past that nobody recorded is no misfit of it."""
-    return [run if run.fades == (told := fades(chain, run.record)) else replace(run, fades=told) for run in runs]
+    told = [fades(chain, run.record, run.poled) for run in runs]
+    return [run if run.fades == each else replace(run, fades=each) for run, each in zip(runs, told, strict=True)]
 
 
 def slow_curves(time: Array, spacing: float) -> Array:

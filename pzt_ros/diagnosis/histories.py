@@ -102,7 +102,7 @@ def without_histories(declared: Hypothesis) -> Hypothesis | None:
         return None
     if not any(start.prior_voltages for start in ceramic.starts):
         return None
-    return exact(_refitted(declared, {number: Start() for number in range(len(staged.runs))}))
+    return exact(refitted_from(declared, {number: Start() for number in range(len(staged.runs))}))
 
 
 def _not_clean(found: Hypothesis) -> list[int]:
@@ -129,7 +129,7 @@ def _from_first_guesses(found: Hypothesis, asked: Sequence[int], workers: Worker
     begin = dataclasses.replace(found, vector=staged.start)
     chain = with_surrogate(staged.chain_at(staged.start))
     guesses = list(workers.map(first_guesses, repeat(chain), [_part(staged.runs[number]) for number in asked]))
-    tried = [_refitted(begin, dict(zip(asked, starts, strict=True))) for starts in zip(*guesses, strict=True)]
+    tried = [refitted_from(begin, dict(zip(asked, starts, strict=True))) for starts in zip(*guesses, strict=True)]
     return min((found, *tried), key=_total)
 
 
@@ -150,7 +150,7 @@ def _with_other_histories(
 
 def _fitted_with(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:
     """Fitted with other histories of some runs; exactly at once where it was so near that they were sought exactly."""
-    return exactly(_refitted(found, known, 0)) if _is_near(found) else exact(_refitted(found, known))
+    return exactly(refitted_from(found, known, 0)) if _is_near(found) else exact(refitted_from(found, known))
 
 
 def _is_near(found: Hypothesis) -> bool:
@@ -158,7 +158,7 @@ def _is_near(found: Hypothesis) -> bool:
     return found.fit.ratio <= found.staged.far
 
 
-def _refitted(found: Hypothesis, known: Mapping[int, Start], steps: int = _STEPS) -> Hypothesis:
+def refitted_from(found: Hypothesis, known: Mapping[int, Start], steps: int = _STEPS) -> Hypothesis:
     """Fitted with other histories of some runs, from where it is."""
     staged, begin = found.staged, found.vector
     ceramic = staged.ceramic
@@ -214,7 +214,8 @@ def _bases(found: Hypothesis, number: int) -> list[Start]:
     here, run = starts[number], found.staged.runs[number]
     known = [start.prior_voltages[0] for start in starts if start.prior_voltages]
     if not known or not run.begins_driven:
-        return [Start(leg=typical_leg(run.record))]
+        as_poled = [here] if here.approach is not None else []
+        return [*as_poled, Start(leg=typical_leg(run.record))]
     poled = dataclasses.replace(here, prior_voltages=(float(np.median(known)),))
     return [here, poled] if here.prior_voltages not in ((), poled.prior_voltages) else [poled]
 

@@ -23,7 +23,7 @@ from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Start, rms, usual_past
 from pzt_ros.sysid.start import reading_beyond
-from pzt_ros.sysid.start_notes import start_as_data
+from pzt_ros.sysid.start_notes import past_as_data, start_as_data
 
 _NORMAL_95 = 1.96
 _FEWEST_TO_SETTLE = 20  # samples
@@ -65,7 +65,7 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
         entries.append(start_as_data(start, staged.runs[number].record.sha256, staged.runs[number].record.name))
     per_run = sorted({each.parameter for each in staged.coordinates if each.run is not None})
     past = usual_past([starts[n] for n in staged.fitted], [staged.runs[n].begins_driven for n in staged.fitted])
-    other: dict[str, Any] = {"settle_s": SETTLE_TIME, "prior_voltage_V": list(past)}
+    other: dict[str, Any] = {"settle_s": SETTLE_TIME, **past_as_data(past)}
     if per_run:
         other["per_run"] = per_run
     if staged.given:

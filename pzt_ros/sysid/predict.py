@@ -20,13 +20,15 @@ from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
 from pzt_ros.sysid.run import Span, Start, begins_driven, first_half, free_run, rms, typical_leg
+from pzt_ros.sysid.run_in import fades
 from pzt_ros.sysid.spikes import without_spikes
 from pzt_ros.sysid.start import CountedPart, counted_part, dying_out, misfit_at, with_offset
-from pzt_ros.sysid.start_notes import start_from_data
+from pzt_ros.sysid.start_notes import past_from_data, start_from_data
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
 _MOST_BASES = 4  # pasts that a search for another begins from: none, as runs are poled, and as fitted runs began
+_AS_USUAL = 1.1  # rms over noise up to which a run from rest begins as the fitted ones did
 _LEAST_SPREAD = 0.3  # of the largest value, where the fitted runs agree by chance or are few
 _SOON = 0.1  # of what went before a run that is not known: it was not long after those that are
 _UNIT = 1e-9  # [SI]; a difference in a linear parameter, where nothing is expected of it
@@ -120,8 +122,9 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     base, settle_time, expected = _rule_for_others(chain, record, list(known.values()))
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0", 0
-    look = _look_at(record, span, settle_time, list(expected))
-    past, own = (counted_part(record, each, _MOST_TO_SETTLE) for each in (look.past, look.own))
+    is_poled = bool(base.prior_voltages) and not begins_driven(record)
+    look = _look_at(record, span, settle_time, list(expected), has_past=fades(model, record, is_poled))
+    past, own = (counted_part(record, each, _MOST_TO_SETTLE, is_poled) for each in (look.past, look.own))
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, past, base, list(known.values()), noise)
     return _with_own_values(model, own, base, found, expected, noise), look.rule, look.told
@@ -143,8 +146,8 @@ class _Look(NamedTuple):
     rule: str
 
 
-def _look_at(record: Record, span: Span, settle_time: float, own: Sequence[str]) -> _Look:
-    """By whether a part is asked for, the run has a past, or parameters of its own."""
+def _look_at(record: Record, span: Span, settle_time: float, own: Sequence[str], has_past: bool) -> _Look:
+    """By whether a part is asked for, the run begins driven or with what relaxes, or has parameters of its own."""
     least = float(record.time[min(_FEWEST_TO_SETTLE, len(record)) - 1])
     if span.start is not None and span.start > least:
         before = Span(None, math.nextafter(span.start, -math.inf))
@@ -154,6 +157,8 @@ def _look_at(record: Record, span: Span, settle_time: float, own: Sequence[str])
     until = f"from what comes before {record.time[told]:.6g} s"
     if begins_driven(record):
         return _Look(half, half, told, f"the run begins driven: its past {until}")
+    if has_past:
+        return _Look(half, half, told, f"the stage was driven before and relaxes: its past {until}")
     end = max(float(record.time[0]) + settle_time, least)
     first, rule = Span(None, end), f"from the first {end - record.time[0]:.3g} s of the run"
     if not own:
@@ -188,12 +193,17 @@ def _with_own_values(
 
 
 def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[Start], noise: float) -> Start:
-    """As short a past as the samples ask for; hardly any of a run from rest."""
+    """As short a past as the samples ask for; hardly any of a run from rest, or the one that the fitted runs had.
+
+    The first second tells another past of a stage that was poled and left worse than the whole of those runs.
+    """
     if not begins_driven(counted.record):
-        return base if base.occupancy else settle(model, counted, [base], noise=noise)
+        usual = with_offset(model, counted, base)
+        is_usual = base.prior_voltages and rms(misfit_at(model, counted, usual)) <= _AS_USUAL * noise
+        return base if base.occupancy or is_usual else settle(model, counted, [base], noise=noise)
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
-    bases = [replace(base, prior_voltages=past) for past in dict.fromkeys(pasts)]
+    bases = [replace(base, prior_voltages=past, approach=None) for past in dict.fromkeys(pasts)]
     found = settle(model, counted, bases[:_MOST_BASES], dying_out(model, counted), noise=noise)
     return at_its_best(model, counted, found)
 
@@ -277,7 +287,7 @@ def _rule_for_others(
     notes = chain.notes.get("start", {})
     try:
         rule = notes.get("other", {})
-        prior = tuple(float(v) for v in rule.get("prior_voltage_V", ()))
+        past = past_from_data(rule, typical_leg(record))
         settle_time = float(rule.get("settle_s", SETTLE_TIME))
         occupancy = tuple(float(v) for v in rule.get("occupancy", ()))
         expected = {str(name): _expected(fitted, str(name)) for name in rule.get("per_run", ())}
@@ -288,7 +298,7 @@ def _rule_for_others(
         expected.update({name: (value, _SOON * value) for name, value in after.items()})
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _malformed(chain, error) from None
-    return Start(prior, typical_leg(record), occupancy=occupancy, values=told), settle_time, expected
+    return replace(past, occupancy=occupancy, values=told), settle_time, expected
 
 
 def _malformed(chain: Chain, error: Exception) -> BenchError:

@@ -18,7 +18,7 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.noise import NoiseFloor
 from pzt_ros.sysid.profile import Interval
 from pzt_ros.sysid.run import Start, usual_past
-from pzt_ros.sysid.start_notes import start_as_data
+from pzt_ros.sysid.start_notes import past_as_data, start_as_data
 
 SETTLE_TIME = 1.0
 """How much of the start of an unknown run a prediction may look at for offset and history [s]."""
@@ -151,7 +151,7 @@ class FitResult:
         past = usual_past([run.start for run in self.runs], [run.begins_driven for run in self.runs])
         start = {
             "runs": [start_as_data(run.start, run.sha256, run.name) for run in self.runs],
-            "other": {"settle_s": SETTLE_TIME, "prior_voltage_V": list(past)},
+            "other": {"settle_s": SETTLE_TIME, **past_as_data(past)},
         }
         return replace(self.chain, notes={**self.chain.notes, "fit": self.as_data(command), "start": start})
 

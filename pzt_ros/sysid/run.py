@@ -114,15 +114,17 @@ def begins_driven(record: Record) -> bool:
     return first > _AT_REST * peak or passes or stands
 
 
-def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> tuple[float, ...]:
-    """Prior reversals of a run from rest that was not fitted [V]: of the first fitted one from rest, or of the first.
+def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> Start:
+    """History of a run from rest that was not fitted: of the first fitted one from rest, or the reversals of the first.
 
     Args:
         starts: of the fitted runs.
         driven: which of them begin driven; what was before such a run says little of one from rest.
     """
-    from_rest = (start for start, begins in zip(starts, driven, strict=True) if not begins)
-    return next(from_rest, starts[0]).prior_voltages
+    from_rest = [start for start, begins in zip(starts, driven, strict=True) if not begins]
+    if not from_rest:
+        return Start(starts[0].prior_voltages)
+    return Start(from_rest[0].prior_voltages, from_rest[0].leg, approach=from_rest[0].approach)
 
 
 def first_half(samples: int) -> int:

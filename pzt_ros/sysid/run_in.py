@@ -27,6 +27,12 @@ def running_in(record: Record) -> NDArray[np.bool_]:
     return early if begins_driven(record) and moves else np.zeros_like(early)
 
 
-def fades(chain: Chain, record: Record) -> bool:
-    """Whether a run begins with what a link of the chain remembers of a past that nobody recorded."""
-    return begins_driven(record) and any(link.remembers for link in chain.links)
+def fades(chain: Chain, record: Record, poled: bool = False) -> bool:
+    """Whether a run begins with what a link of the chain remembers of a past that nobody recorded.
+
+    Args:
+        chain: of the stage.
+        record: of the run.
+        poled: whether that was driven before, though it begins at rest.
+    """
+    return (poled or begins_driven(record)) and any(link.remembers for link in chain.links)

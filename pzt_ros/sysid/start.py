@@ -26,11 +26,13 @@ class CountedPart:
         record: the whole run; the chain runs from its first sample.
         picks: indices of the counted samples.
         end: index after the last sample that the chain has to reach.
+        poled: whether the stage was driven before, though the run begins at rest.
     """
 
     record: Record
     picks: NDArray[np.intp]
     end: int
+    poled: bool = False
 
     @property
     def displacement(self) -> Array:
@@ -38,13 +40,13 @@ class CountedPart:
         return self.record.displacement[self.picks]
 
 
-def counted_part(record: Record, span: Span, most: int) -> CountedPart:
+def counted_part(record: Record, span: Span, most: int, poled: bool = False) -> CountedPart:
     """At most `most` evenly chosen samples of a span that a chain can know; it still runs over all of them."""
     first, after = span.of(record)
     stride = math.ceil((after - first) / most)
     picks = np.arange(first, after, stride)
     known = picks[~running_in(record)[picks]]
-    return CountedPart(record, known if known.size else picks, after)
+    return CountedPart(record, known if known.size else picks, after, poled)
 
 
 def displacement_of(chain: Chain, part: CountedPart, start: Start) -> Array:
@@ -76,6 +78,6 @@ def dying_out(chain: Chain, part: CountedPart) -> Array:
     Only as long as an offset can be told from it: of a run of five seconds up to 6 s.
     """
     time = part.record.time
-    if not fades(chain, part.record):
+    if not fades(chain, part.record, part.poled):
         return np.zeros((part.picks.size, 0))
     return fading_curves(time, _TOLD * float(time[part.end - 1] - time[0]))[part.picks]
