@@ -13,6 +13,7 @@ import dataclasses
 
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.errors import BenchError
 
 _NEAR_NOISE = 1.1  # rms over noise of a run up to which the last percent counts
 _NEAR_WITH_EFFECT = 2.0  # the same of a refit with an effect that may be all that is missing
@@ -29,8 +30,11 @@ def to_the_bottom(found: Hypothesis) -> Hypothesis:
     for _ in range(_STEPS):
         if max(found.ratios) > near:
             break
-        moved = fitted(dataclasses.replace(found.staged, ceramic=exactly), found.vector, found.effects, 1)
-        there = fitted(found.staged.exact_at(moved.vector), moved.vector, found.effects, 0)
+        try:
+            moved = fitted(dataclasses.replace(found.staged, ceramic=exactly), found.vector, found.effects, 1)
+            there = fitted(found.staged.exact_at(moved.vector), moved.vector, found.effects, 0)
+        except BenchError:  # more domains than are wise, where nothing but the front model can go
+            break
         if there.solution.cost >= _COMES_DOWN * found.solution.cost:
             break
         found = there

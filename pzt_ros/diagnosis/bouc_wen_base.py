@@ -13,6 +13,7 @@ import numpy as np
 from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.flexible import beside_the_rest, driven
+from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.physics.bouc_wen import BoucWen
@@ -56,7 +57,7 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
         for soft, hard in _FIELDS
         for sign in (1.0, -1.0)
     ]
-    return min((_fitted_from(declared, link, span) for link in starts), key=lambda found: found.total)
+    return as_poled(min((_fitted_from(declared, link, span) for link in starts), key=lambda found: found.total))
 
 
 def _fitted_from(declared: Hypothesis, link: BoucWen, span: float) -> Hypothesis:
@@ -71,4 +72,4 @@ def _fitted_from(declared: Hypothesis, link: BoucWen, span: float) -> Hypothesis
     ceramic = DeclaredHysteresis(link, link, coordinates, records, starts, amplifier_gain(declared.staged.chain))
     motion = max(float(np.ptp(run.record.displacement)) for run in runs)
     staged, start = beside_the_rest(declared, ceramic, StrainLaw(linear=motion / _POLARIZATION, quadratic=0.0), 2)
-    return fitted(staged, start, most_steps=_STEPS)
+    return fitted(staged, start, declared.effects, most_steps=_STEPS)

@@ -36,7 +36,7 @@ _STEPS = 4
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
 
-RESOLUTIONS, INITIAL = (10, 18), ("virgin", "down", "up")
+RESOLUTIONS, INITIAL = (10, 18, 30), ("virgin", "down", "up")
 """Resolutions, and states before all runs, that are compared where switching has no rate."""
 
 

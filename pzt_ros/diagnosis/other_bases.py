@@ -14,7 +14,12 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.effects.bias_field import BiasField
+from pzt_ros.effects.table import EFFECTS
 from pzt_ros.parallel import Workers
+
+EFFECTS_ON_ELEMENTS = tuple(effect for effect in EFFECTS if effect.link is not BiasField)
+"""Elements that slip know no field at which nothing is displaced, so a bias is only where a run finds them."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ class Densities:
         """The search on them, which have to be there."""
         assert self.relays is not None
         at_floor = self.search.at_floor(self.relays)
-        return Branch("identified", self.relays, ()) if at_floor else _on_density(self.relays, self.search)
+        return Branch("identified", self.relays, ()) if at_floor else on_density(self.relays, self.search)
 
     @cached_property
     def lattice(self) -> Hypothesis:
@@ -144,7 +149,7 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
     seen = _on_all_seen(flexible, asked, progress, workers)
     if is_clean or seen.explains(asked):
         return [*found, seen]
-    alone = _on_density(flexible, lattice)
+    alone = on_density(flexible, lattice)
     tells_more = bool(seen.final.effects) and seen.may_be_named(asked) and not alone.final.effects
     return [*found, seen if tells_more else alone]  # without a name, how well it fits what it saw says nothing
 
@@ -162,7 +167,7 @@ def _foretold(flexible: Hypothesis, search: Search) -> Branch | None:
     return branch if is_near and branch.final.effects else None
 
 
-def _on_density(base: Hypothesis, search: Search) -> Branch:
+def on_density(base: Hypothesis, search: Search) -> Branch:
     """The search on a density; two effects at once are not sought beside one that explains nearly all.
 
     What is left then is what the density is off by, or the shape of the effect: beside a fatigue of 10 x a drift and a

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import declared
+from pzt_ros.diagnosis import bottom, declared
 from pzt_ros.diagnosis.base import _within_sight
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.coordinates import coordinate
@@ -229,8 +229,26 @@ def test_a_base_near_the_noise_is_taken_on_with_slopes_of_the_model_itself(off: 
     staged = Staged(without_noise(chain), ceramic, runs, ())
     stuck = np.array([off, 2.0 * off])
     found = fitted(staged.exact_at(stuck), stuck, most_steps=0)
-    bottom = to_the_bottom(found)
-    assert (bottom is not found) is comes_down
+    there = to_the_bottom(found)
+    assert (there is not found) is comes_down
     if comes_down:
-        assert bottom.fit.ratio < 1.001 * fitted(staged.exact_at(ceramic.start), ceramic.start, most_steps=0).fit.ratio
-        assert bottom.fit.ratio < 0.995 * found.fit.ratio
+        assert there.fit.ratio < 1.001 * fitted(staged.exact_at(ceramic.start), ceramic.start, most_steps=0).fit.ratio
+        assert there.fit.ratio < 0.995 * found.fit.ratio
+
+
+def test_a_fit_that_only_the_front_model_can_follow_stays_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spreads that ran away ask for more domains than are wise; a diagnosis ended with that."""
+    link = lattice()
+    time = np.arange(0.0, 1.0, 2e-3)
+    record = Record("rise", {"time_s": time, "voltage_V": 90.0 * time, "displacement_m": 1e-6 * time})
+    free = [coordinate(link, "coercive_field")]
+    ceramic = DeclaredHysteresis(link, surrogate_of(link), free, [record], [Start()])
+    chain = without_noise(load_chain("p802")).with_links(lambda each: link if isinstance(each, Lattice) else each)
+    staged = Staged(chain, ceramic, [RunData(record, {FIT: np.arange(time.size)}, 1.0)], ())
+    found = fitted(staged, staged.start, most_steps=0)
+
+    def refuse(*_: object) -> None:
+        raise BenchError("lattice: 4.72e+06 domains 132 V/m apart")
+
+    monkeypatch.setattr(bottom, "fitted", refuse)
+    assert to_the_bottom(found) is found
