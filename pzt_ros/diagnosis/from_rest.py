@@ -16,21 +16,24 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.sysid.run import Start, typical_leg
 
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
-_FAR_LESS = 0.5  # share of the excess that pasts may leave, or something else is what is missing
+_FAR_LESS, _LESS = 0.1, 0.5
+"""Share of the excess that pasts may leave, or something else is what is missing; and the same where nothing was
+declared, so that a wrong past is likelier than a right start."""
+
 _FEW_STEPS, _STEPS = 16, 40  # of the fit, before and after it leaves less
 _WAIT = 10.0  # usual legs since the ceramic was left; a fit finds how long
 _OTHER_WAY = 0.3  # of the highest voltage, from which a drive to the other side may have poled it
 
 
-def as_poled(virgin: Hypothesis, driven: bool = False) -> Hypothesis:
+def as_poled(virgin: Hypothesis, is_declared: bool = True) -> Hypothesis:
     """Fitted from where the chain was declared, its runs from rest poled before, where that leaves far less.
 
     Args:
         virgin: fitted with every run starting where it begins.
-        driven: whether those that begin driven may have been poled, too: pasts are sought for them later, and beside
-            values that nobody declared there is nothing to seek them with.
+        is_declared: whether its chain was. If not, runs that begin driven may have been poled, too: pasts are sought
+            for them later, and beside values that nobody declared there is nothing to seek them with.
     """
-    numbers = [number for number, run in enumerate(virgin.staged.runs) if driven or not run.begins_driven]
+    numbers = [number for number, run in enumerate(virgin.staged.runs) if not (is_declared and run.begins_driven)]
     if max(virgin.ratios) <= _CLEAN or not numbers:
         return virgin
     runs = [dataclasses.replace(r, poled=not r.begins_driven) for r in virgin.staged.runs]
@@ -45,7 +48,8 @@ def as_poled(virgin: Hypothesis, driven: bool = False) -> Hypothesis:
     if best.total >= virgin.total:
         return virgin
     best = fitted(best.staged, best.vector, most_steps=_STEPS)
-    return best if best.excess <= _FAR_LESS * virgin.excess else virgin
+    most = _FAR_LESS if is_declared else _LESS
+    return best if best.excess <= most * virgin.excess else virgin
 
 
 def _peaks(found: Hypothesis) -> list[float]:

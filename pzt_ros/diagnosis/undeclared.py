@@ -82,7 +82,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     chain = default_chain(runs)
     progress("fitting a polycrystal")
     virgin = plain = begun(chain, runs)
-    found = as_poled(virgin, driven=True)
+    found = as_poled(virgin, is_declared=False)
     if virgin.fit.ratio > asked.reachable and found.fit.ratio > asked.finishable:
         former = chain
         chain, found = _with_another_law(chain, found, asked)
@@ -137,7 +137,7 @@ def _with_another_law(chain: Chain, found: Hypothesis, asked: Thresholds) -> tup
     for powers in _POWERS:
         notes = {**chain.notes, "free": [*ceramic, *(f"{StrainLaw.kind}.{power}" for power in powers)]}
         chains = [replace(chain, links=(*chain.links[:-1], law), notes=notes) for law in laws]
-        fits = [as_poled(begun(each, found.staged.runs), driven=True) for each in chains]
+        fits = [as_poled(begun(each, found.staged.runs), is_declared=False) for each in chains]
         number = min(range(len(fits)), key=lambda each: fits[each].total)
         if fits[number].excess <= asked.outdone * found.excess:
             chain, found = chains[number], fits[number]

@@ -126,7 +126,7 @@ def test_a_strain_that_does_not_go_with_the_square_gets_a_law_that_does_not(law:
     runs = split(with_floors(runs_of(plant)[0]), [])
     chain = default_chain(runs)
     virgin = begun(chain, runs)
-    square = as_poled(virgin, driven=True)
+    square = as_poled(virgin, is_declared=False)
     assert virgin.fit.ratio > Thresholds().reachable
     assert square.fit.ratio > Thresholds().finishable
     _, found = _with_another_law(chain, square, Thresholds())
