@@ -12,7 +12,7 @@ from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
-from pzt_ros.diagnosis.other_bases import EFFECTS_ON_ELEMENTS, Densities, Elements, on_densities, on_density
+from pzt_ros.diagnosis.other_bases import EFFECTS_ON_ELEMENTS, Densities, Elements, on_densities, on_relays
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -27,7 +27,8 @@ _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to b
 def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """The searches on every base that was worth it, the declared one first, with the names that can be trusted."""
     if isinstance(declared.staged.ceramic, FlexiblePreisach):  # which was found because nothing was declared
-        return [_on_relays(declared, Search(asked.on_flexible(), progress=progress, workers=workers))]
+        search = Search(asked.on_flexible(), progress=progress, workers=workers)
+        return [_trusted(on_relays(declared, search), asked)]
     return [_trusted(branch, asked) for branch in _searched(declared, asked, progress, workers)]
 
 
@@ -114,11 +115,6 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
     return [dataclasses.replace(branch, steps=tuple(steps)), *others]
-
-
-def _on_relays(relays: Hypothesis, search: Search) -> Branch:
-    """The search on relays that leave next to nothing, where they leave anything."""
-    return Branch("identified", relays, ()) if search.at_floor(relays) else on_density(relays, search)
 
 
 def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:

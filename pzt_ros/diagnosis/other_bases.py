@@ -101,8 +101,7 @@ class Densities:
     def on_relays(self) -> Branch:
         """The search on them, which have to be there."""
         assert self.relays is not None
-        at_floor = self.search.at_floor(self.relays)
-        return Branch("identified", self.relays, ()) if at_floor else on_density(self.relays, self.search)
+        return on_relays(self.relays, self.search)
 
     @cached_property
     def lattice(self) -> Hypothesis:
@@ -149,7 +148,7 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
     seen = _on_all_seen(flexible, asked, progress, workers)
     if is_clean or seen.explains(asked):
         return [*found, seen]
-    alone = on_density(flexible, lattice)
+    alone = _on_density(flexible, lattice)
     tells_more = bool(seen.final.effects) and seen.may_be_named(asked) and not alone.final.effects
     return [*found, seen if tells_more else alone]  # without a name, how well it fits what it saw says nothing
 
@@ -167,7 +166,12 @@ def _foretold(flexible: Hypothesis, search: Search) -> Branch | None:
     return branch if is_near and branch.final.effects else None
 
 
-def on_density(base: Hypothesis, search: Search) -> Branch:
+def on_relays(relays: Hypothesis, search: Search) -> Branch:
+    """The search on relays that know no rate, where they leave anything."""
+    return Branch("identified", relays, ()) if search.at_floor(relays) else _on_density(relays, search)
+
+
+def _on_density(base: Hypothesis, search: Search) -> Branch:
     """The search on a density; two effects at once are not sought beside one that explains nearly all.
 
     What is left then is what the density is off by, or the shape of the effect: beside a fatigue of 10 x a drift and a

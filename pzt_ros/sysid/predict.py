@@ -198,14 +198,20 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
     The first second tells another past of a stage that was poled and left worse than the whole of those runs.
     """
     if not begins_driven(counted.record):
-        usual = with_offset(model, counted, base)
-        is_usual = base.prior_voltages and rms(misfit_at(model, counted, usual)) <= _AS_USUAL * noise
-        return base if base.occupancy or is_usual else settle(model, counted, [base], noise=noise)
+        is_known = base.occupancy or _is_as_usual(model, counted, base, noise)
+        return base if is_known else settle(model, counted, [base], noise=noise)
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
     bases = [replace(base, prior_voltages=past, approach=None) for past in dict.fromkeys(pasts)]
     found = settle(model, counted, bases[:_MOST_BASES], dying_out(model, counted), noise=noise)
     return at_its_best(model, counted, found)
+
+
+def _is_as_usual(model: Chain, counted: CountedPart, base: Start, noise: float) -> bool:
+    """Whether the past that the fitted runs had, if they had one, describes the counted samples."""
+    if not base.prior_voltages:
+        return False
+    return rms(misfit_at(model, counted, with_offset(model, counted, base))) <= _AS_USUAL * noise
 
 
 def _expected(starts: Iterable[Start], name: str) -> tuple[float, float]:

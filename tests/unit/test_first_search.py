@@ -503,7 +503,7 @@ def test_two_more_are_not_sought_beside_one_that_explains_nearly_all_on_a_densit
     step = Step(leaving(10.0, 10.0), (), {}, (SimpleNamespace(after=found, name="polarization_fatigue"),), (), "")
     monkeypatch.setattr(Search, "run", lambda self, base: [step])
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: asked.append(base) or steps)
-    branch = other_bases.on_density(step.before, Search())
+    branch = other_bases._on_density(step.before, Search())
     assert branch.final is found
     assert len(asked) == pairs
 
