@@ -7,7 +7,8 @@ density, so their sum tells what the rule has cut off.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -61,10 +62,115 @@ class Gaussian:
         bell = np.exp(-((fields - self.centre) ** 2) / self.spread) / math.sqrt(math.pi * self.spread)
         return np.where(fields >= self.lower, bell / self.mass, 0.0)
 
+    def below(self, fields: Array) -> Array:
+        """Share of the domains below `fields` [-]."""
+        share: Array = special.ndtr((fields - self.centre) / self.sigma)
+        return np.maximum(share - (1.0 - self.mass), 0.0) / self.mass
+
     def quantile(self, share: Array) -> Array:
         """The field below which lies a `share` of the domains [V/m]."""
         below_lower = 1.0 - self.mass
         return self.centre + self.sigma * special.ndtri(below_lower + share * self.mass)
+
+    def widened(self, sigma: float) -> Gaussian:
+        """The same at its densest field, at least so wide."""
+        return self if self.sigma >= sigma else replace(self, centre=self.peak, spread=2 * sigma**2)
+
+
+@dataclass(frozen=True)
+class Bent:
+    """A bell of another shape: E = mode + sigma h(z) of a normal z, cut off below `lower` and 6 sigma from the mode.
+
+    Skewed, h = (exp(s z) - exp(-s^2))/s, it is the lognormal density, shifted; with tails, h = sinh(r z)/r, Johnson's
+    S_U, at r = 0.5 close to a logistic, beyond to Student's. The tail is r^2, below 0 that of the inverse, which is
+    flatter than a Gaussian: so the density goes straight with it about 0.
+
+    Attributes:
+        mode: where it is densest [V/m].
+        spread: 2 sigma^2 [V^2/m^2]; of the Gaussian that it is without skew and tails.
+        skew, tail: s and r^2 [-]; one of them is 0.
+        lower: there is nothing below this field [V/m].
+    """
+
+    mode: float
+    spread: float
+    skew: float = 0.0
+    tail: float = 0.0
+    lower: float = -math.inf
+
+    @property
+    def sigma(self) -> float:
+        """Of the normal that is bent [V/m]."""
+        return math.sqrt(self.spread / 2)
+
+    @property
+    def peak(self) -> float:
+        """The field of the highest density [V/m]."""
+        return max(self.mode, self.lower)
+
+    def support(self, cut: float) -> tuple[float, float]:
+        """Ends of the range kept when z is cut at `cut` sigma [V/m]."""
+        ends = self.mode + self.sigma * self._bent(np.array([-cut, cut]))
+        low, high = np.clip(ends, *self._ends)
+        return float(low), float(high)
+
+    def at(self, fields: Array) -> Array:
+        """Density at `fields` [m/V]."""
+        first, last = self._shares
+        z, growth = self._straight(fields)
+        bell = np.exp(-0.5 * z**2) * growth / (math.sqrt(2 * math.pi) * self.sigma)
+        low, high = self._ends
+        return np.where((fields >= low) & (fields <= high), bell / (last - first), 0.0)
+
+    def below(self, fields: Array) -> Array:
+        """Share of the domains below `fields` [-]."""
+        first, last = self._shares
+        share: Array = special.ndtr(self._straight(np.clip(fields, *self._ends))[0])
+        return (share - first) / (last - first)
+
+    def quantile(self, share: Array) -> Array:
+        """The field below which lies a `share` of the domains [V/m]."""
+        first, last = self._shares
+        z: Array = special.ndtri(first + share * (last - first))
+        return self.mode + self.sigma * self._bent(z)
+
+    def widened(self, sigma: float) -> Bent:
+        """The same, at least so wide."""
+        return self if self.sigma >= sigma else replace(self, spread=2 * sigma**2)
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """What is farther out than a drive reaches would only make a grid larger [V/m]."""
+        reach = _FARTHEST * self.sigma
+        return max(self.lower, self.mode - reach), self.mode + reach
+
+    @cached_property
+    def _shares(self) -> tuple[float, float]:
+        """Shares of the normal up to both ends [-]."""
+        first, last = special.ndtr(self._straight(np.array(self._ends))[0])
+        return float(first), float(last)
+
+    def _bent(self, z: Array) -> Array:
+        """h(z) [-]."""
+        s, r = self.skew, math.sqrt(abs(self.tail))
+        if s:
+            return np.asarray((np.expm1(s * z) - math.expm1(-(s**2))) / s)
+        return np.asarray((np.sinh if self.tail > 0 else np.arcsinh)(r * z) / r)
+
+    def _straight(self, fields: Array) -> tuple[Array, Array]:
+        """z at some fields, and dz/dh; infinitely far out, and 0, where there is none."""
+        h, s, r = (fields - self.mode) / self.sigma, self.skew, math.sqrt(abs(self.tail))
+        if s:
+            growth = s * h + math.exp(-(s**2))
+            inside = np.maximum(growth, _NOTHING)
+            return np.log(inside) / s, np.where(growth > _NOTHING, 1.0 / inside, 0.0)
+        if self.tail > 0:
+            return np.arcsinh(r * h) / r, 1.0 / np.hypot(1.0, r * h)
+        return np.sinh(r * h) / r, np.cosh(r * h)
+
+
+_FARTHEST = 6.0  # sigma
+_NOTHING = 1e-300
 
 
 @dataclass(frozen=True)
@@ -113,6 +219,18 @@ class Table:
     def support(self, cut: float) -> tuple[float, float]:
         """First and last field of the table, whatever `cut` [V/m]."""
         return self.field[0], self.field[-1]
+
+    def below(self, fields: Array) -> Array:
+        """Share of the domains below `fields` [-], exact: the density is linear between the fields of the table."""
+        known = np.asarray(self.field)
+        every = np.union1d(known, np.clip(fields, known[0], known[-1]))
+        at = self.at(every)
+        sums = np.concatenate(([0.0], np.cumsum(np.diff(every) * (at[1:] + at[:-1]) / 2)))
+        return np.interp(fields, every, sums)
+
+    def widened(self, sigma: float) -> Table:
+        """Itself: what it holds is as wide as it is."""
+        return self
 
     def at(self, fields: Array) -> Array:
         """Density at `fields` [m/V]."""
@@ -191,7 +309,7 @@ class ThresholdDensity:
         return np.where(inside, (1 - s) * low + s * high, 0.0)
 
 
-Density = Gaussian | Table
+Density = Gaussian | Bent | Table
 
 
 def gauss_legendre(density: Density, below: int, above: int, cut: float = THESIS_CUT) -> Nodes:

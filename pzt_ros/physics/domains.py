@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pzt_ros.errors import BenchError
-from pzt_ros.physics.density import Density, Gaussian, Table, ThresholdDensity
+from pzt_ros.physics.density import Bent, Density, Gaussian, Table, ThresholdDensity
 from pzt_ros.physics.density_data import table_from_data, table_to_data, thresholds_from_data, thresholds_to_data
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
@@ -36,6 +36,12 @@ class Domains(Switching):
     )
     interaction_field_spread: float = parameter(
         5e11, "V^2/m^2", "b2 = 2 sigma^2 of the interaction fields; 0: none", symbol="b_2", bounds=(0.0, 1e14)
+    )
+    coercive_field_skew: float = parameter(
+        0.0, "1", "of the coercive fields, towards a lognormal density; 0: Gaussian", symbol="s", bounds=(-1.0, 1.5)
+    )
+    interaction_field_tail: float = parameter(
+        0.0, "1", "of the interaction fields: 0.25 about logistic, below 0 flatter than a Gaussian", bounds=(-1.0, 2.0)
     )
     relaxation_time: float = parameter(
         1e-3, "s", "of thermally activated switching", symbol="tau_x", bounds=(1e-9, 1e6)
@@ -69,12 +75,18 @@ class Domains(Switching):
     @property
     def coercive(self) -> Density:
         """Density of the coercive field; none lies below 0 (3.12)."""
-        return self.coercive_density or Gaussian(self.coercive_field, self.coercive_field_spread, lower=0.0)
+        if self.coercive_density:
+            return self.coercive_density
+        field, spread, skew = self.coercive_field, self.coercive_field_spread, self.coercive_field_skew
+        return Bent(field, spread, skew=skew, lower=0.0) if skew and spread else Gaussian(field, spread, lower=0.0)
 
     @property
     def interaction(self) -> Density:
         """Density of the interaction field (3.14)."""
-        return self.interaction_density or Gaussian(0.0, self.interaction_field_spread)
+        if self.interaction_density:
+            return self.interaction_density
+        spread, tail = self.interaction_field_spread, self.interaction_field_tail
+        return Bent(0.0, spread, tail=tail) if tail and spread else Gaussian(0.0, spread)
 
     @property
     def thermal_width(self) -> float:

@@ -18,10 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy import special
 
 from pzt_ros.physics.compiling import OUTER
-from pzt_ros.physics.density import Density, Gaussian, Table
+from pzt_ros.physics.density import Density, Table
 from pzt_ros.physics.signals import Array
 
 CUT = 5.0
@@ -67,7 +66,7 @@ def everett(coercive: Density, interaction: Density) -> Everett:
     """Tabulate the Everett function of two independent densities; a spread below 2 steps of the grid is widened."""
     narrowest = min(_sigma(coercive), _sigma(interaction))
     step = max(_STEP * narrowest, 2 * _reach(coercive, interaction) / MAX_POINTS)
-    coercive, interaction = _widened(coercive, 2 * step), _widened(interaction, 2 * step)
+    coercive, interaction = coercive.widened(2 * step), interaction.widened(2 * step)
     half = math.ceil(_reach(coercive, interaction) / step)
     reach = half * step
     points = 2 * half + 1
@@ -83,7 +82,7 @@ def everett(coercive: Density, interaction: Density) -> Everett:
 
 
 def _sigma(density: Density) -> float:
-    if isinstance(density, Gaussian):
+    if not isinstance(density, Table):
         return density.sigma
     share = (np.arange(64) + 0.5) / 64
     return float(np.std(density.quantile(share)))
@@ -95,32 +94,15 @@ def _reach(coercive: Density, interaction: Density) -> float:
     return highest + max(abs(ends[0]), abs(ends[1]))
 
 
-def _widened(density: Density, sigma: float) -> Density:
-    if not isinstance(density, Gaussian) or density.sigma >= sigma:
-        return density
-    return Gaussian(density.peak, 2 * sigma**2, density.lower)
-
-
 def _sampled(density: Density, grid: Array) -> tuple[Array, Array]:
     """Density and cumulative share on an even grid."""
-    if isinstance(density, Gaussian):
-        below = special.ndtr((grid - density.centre) / density.sigma)
-        return density.at(grid), np.maximum(below - (1.0 - density.mass), 0.0) / density.mass
+    if not isinstance(density, Table):
+        return density.at(grid), density.below(grid)
     # a table may have features below the step: what counts is the share between two points
     step = grid[1] - grid[0]
     edges = np.concatenate((grid - step / 2, [grid[-1] + step / 2]))
     edges[0] = max(edges[0], grid[0])
-    cumulative = _cumulative(density, edges)
-    return np.diff(cumulative) / np.diff(edges), _cumulative(density, grid)
-
-
-def _cumulative(density: Table, fields: Array) -> Array:
-    """Share of the domains below each field [-], exact: the density is linear between the fields of the table."""
-    known = np.asarray(density.field)
-    every = np.union1d(known, np.clip(fields, known[0], known[-1]))
-    at = density.at(every)
-    sums = np.concatenate(([0.0], np.cumsum(np.diff(every) * (at[1:] + at[:-1]) / 2)))
-    return np.interp(fields, every, sums)
+    return np.diff(density.below(edges)) / np.diff(edges), density.below(grid)
 
 
 @njit(**OUTER, error_model="numpy", nogil=True)

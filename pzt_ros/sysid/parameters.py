@@ -16,6 +16,9 @@ from pzt_ros.quantities import Parameter, parameters_of
 GIVEN = ("gain", "layer_thickness", "electrode_area", "active_length", "temperature", "virgin_amplitude")
 """Known from a data sheet or an instrument, and without an effect of their own: free only where `free:` names them."""
 
+SHAPES = ("coercive_field_skew", "interaction_field_tail")
+"""How densities differ from Gaussians: free only where `free:` names them, for most runs do not tell."""
+
 NUMERICAL = ("accuracy", "spacing", "cut", "dead_band")
 """Settings of a method, not properties of a specimen; a fit leaves them alone, as it does the counts of nodes."""
 
@@ -105,7 +108,7 @@ def free_parameters(chain: Chain) -> list[FreeParameter]:
     known = {parameter.name: parameter for parameter in fittable(chain)}
     names = chain.notes.get("free")
     if names is None:
-        return [parameter for parameter in known.values() if parameter.field not in GIVEN]
+        return [parameter for parameter in known.values() if parameter.field not in (*GIVEN, *SHAPES)]
     if not isinstance(names, list) or not names:
         raise BenchError(f"{chain.name}: free: {names!r} is not a list of parameters; known are {', '.join(known)}")
     for name in names:
