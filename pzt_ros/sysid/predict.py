@@ -28,7 +28,7 @@ from pzt_ros.sysid.start_notes import past_from_data, start_from_data
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
 _MOST_BASES = 4  # pasts that a search for another begins from: none, as runs are poled, and as fitted runs began
-_AS_USUAL = 1.1  # rms over noise up to which a run from rest begins as the fitted ones did
+_AS_USUAL = 1.1  # rms over noise up to which a run from rest begins with as many reversals as the fitted ones
 _LEAST_SPREAD = 0.3  # of the largest value, where the fitted runs agree by chance or are few
 _SOON = 0.1  # of what went before a run that is not known: it was not long after those that are
 _UNIT = 1e-9  # [SI]; a difference in a linear parameter, where nothing is expected of it
@@ -123,7 +123,7 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0", 0
     is_poled = bool(base.prior_voltages) and not begins_driven(record)
-    look = _look_at(record, span, settle_time, list(expected), has_past=fades(model, record, is_poled))
+    look = _look_at(record, span, settle_time, list(expected), is_poled or fades(model, record))
     past, own = (counted_part(record, each, _MOST_TO_SETTLE, is_poled) for each in (look.past, look.own))
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, past, base, list(known.values()), noise)
@@ -158,7 +158,7 @@ def _look_at(record: Record, span: Span, settle_time: float, own: Sequence[str],
     if begins_driven(record):
         return _Look(half, half, told, f"the run begins driven: its past {until}")
     if has_past:
-        return _Look(half, half, told, f"the stage was driven before and relaxes: its past {until}")
+        return _Look(half, half, told, f"the stage was driven before: its past {until}")
     end = max(float(record.time[0]) + settle_time, least)
     first, rule = Span(None, end), f"from the first {end - record.time[0]:.3g} s of the run"
     if not own:
@@ -193,13 +193,12 @@ def _with_own_values(
 
 
 def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[Start], noise: float) -> Start:
-    """As short a past as the samples ask for; hardly any of a run from rest, or the one that the fitted runs had.
-
-    The first second tells another past of a stage that was poled and left worse than the whole of those runs.
-    """
+    """As short a past as the samples ask for; hardly any of a run from rest, or one like that of the fitted runs."""
     if not begins_driven(counted.record):
-        is_known = base.occupancy or _is_as_usual(model, counted, base, noise)
-        return base if is_known else settle(model, counted, [base], noise=noise)
+        if base.occupancy:
+            return base
+        alike = _alike(model, counted, base) if base.prior_voltages else base
+        return alike if _is_as_usual(model, counted, alike, noise) else settle(model, counted, [base], noise=noise)
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
     bases = [replace(base, prior_voltages=past, approach=None) for past in dict.fromkeys(pasts)]
@@ -207,8 +206,15 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
     return at_its_best(model, counted, found)
 
 
+def _alike(model: Chain, counted: CountedPart, base: Start) -> Start:
+    """The past of the fitted runs, or as many reversals at other voltages and times where the samples ask for that."""
+    other = at_its_best(model, counted, base)
+    before, after = (misfit_at(model, counted, with_offset(model, counted, start)) for start in (base, other))
+    return other if pays(before, after, base.unknowns) else base
+
+
 def _is_as_usual(model: Chain, counted: CountedPart, base: Start, noise: float) -> bool:
-    """Whether the past that the fitted runs had, if they had one, describes the counted samples."""
+    """Whether a past like that of the fitted runs, if they had one, describes the counted samples."""
     if not base.prior_voltages:
         return False
     return rms(misfit_at(model, counted, with_offset(model, counted, base))) <= _AS_USUAL * noise
