@@ -387,7 +387,7 @@ def test_hum_keeps_its_phase_to_each_run_and_is_found_beside_lost_readings(tmp_p
 
 
 def test_an_effect_outside_the_library_is_not_named() -> None:
-    report = diagnose([run(1, "backlash"), run(2, "backlash")], [run(3, "backlash")], declared())
+    report = diagnose([run(1, "backlash")], [run(3, "backlash")], declared())
     assert report.before.test > 2.0 * NOISE
     assert report.remains.present or report.after.test < 1.2 * NOISE
     assert "sensor_lag" not in {effect.name for effect in report.effects}
