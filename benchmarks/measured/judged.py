@@ -98,7 +98,7 @@ def judge(which: RunSet, data: Path, tell: Callable[[str], None]) -> Judged:
         for name, errors in baselines(runs).items()
     }
     modelled = [_in_one(runs, which.whole(data))] if which.goes_on else runs
-    declared = fit_base(chain, modelled, Thresholds(), tell, IN_THIS_PROCESS)
+    declared = fit_base(chain, modelled, Thresholds(), tell, IN_THIS_PROCESS).declared
     residuals[DECLARED] = _late(_declared_error(declared), runs[-1])
     tell("identifying the density")
     residuals[IDENTIFIED] = _late(_identified_error(modelled), runs[-1])

@@ -11,8 +11,10 @@ from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
 from pzt_ros.diagnosis.data import RunData, seen_through
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.from_rest import as_poled
+from pzt_ros.diagnosis.grain import without_grain
 from pzt_ros.diagnosis.histories import with_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.shaped import far_better_shaped
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
 from pzt_ros.errors import BenchError
@@ -54,7 +56,8 @@ def fit_declared(
         BenchError: the chain has no ceramic, or an unknown parameter in `free:`.
     """
     progress(f"fitting {chain.name}")
-    return with_pasts(as_poled(begun(chain, runs)), progress, workers)
+    found = far_better_shaped(without_grain(as_poled(begun(chain, runs)), _SPACING))
+    return with_pasts(found, progress, workers)
 
 
 def begun(chain: Chain, runs: Sequence[RunData]) -> Hypothesis:

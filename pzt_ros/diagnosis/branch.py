@@ -16,7 +16,8 @@ class Branch:
     """The search on one base.
 
     Attributes:
-        density: of its domains: "gaussian" as declared, "identified" from the runs, "none" where it has one or none.
+        density: of its domains: "gaussian" as declared, "shaped" where skew and tails are free, "identified" where all
+            of it is, "none" where it has one or none.
         base: without an effect.
         steps: of the search.
         is_all_seen: whether it was fitted to what chooses, too.

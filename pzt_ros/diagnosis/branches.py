@@ -5,31 +5,37 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 
+from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Step
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.histories import without_histories
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
 from pzt_ros.diagnosis.other_bases import EFFECTS_ON_ELEMENTS, Densities, Elements, on_densities, on_relays
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.shaped import is_shaped, shaped
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.strain_laws import with_free_law
+from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
+_LESS = 0.8  # share of the excess that free shapes may leave of what Gaussians do to be searched beside
+_SHAPED = 2  # effects beside which shapes are freed
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 
 
-def branches_of(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+def branches_of(bases: Bases, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """The searches on every base that was worth it, the declared one first, with the names that can be trusted."""
-    if isinstance(declared.staged.ceramic, FlexiblePreisach):  # which was found because nothing was declared
+    if isinstance(bases.declared.staged.ceramic, FlexiblePreisach):  # which was found because nothing was declared
         search = Search(asked.on_flexible(), progress=progress, workers=workers)
-        return [_trusted(on_relays(declared, search), asked)]
-    return [_trusted(branch, asked) for branch in _searched(declared, asked, progress, workers)]
+        return [_trusted(on_relays(bases.declared, search), asked)]
+    asked = asked.on_shaped() if is_shaped(bases.declared) else asked
+    return [_trusted(branch, asked) for branch in _searched(bases, asked, progress, workers)]
 
 
 def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
@@ -55,21 +61,22 @@ def _is_as_near_as_a_past(found: Hypothesis, declared: Hypothesis, asked: Thresh
     return declared.staged.has_past and max(found.ratios) < asked.near_floor
 
 
-def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
     """On the declared base and, where that leaves something, on others.
 
     Where one of those leaves far less without an effect than the declared one with its best, the declared density is
     wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
     Where the runs are one loop, effects beside the declared density say no more than another density does.
     """
+    declared = bases.declared
     if _is_as_near_as_a_past(declared, declared, asked):
         return [_on_declared(declared, ())]
-    densities = Densities(declared, Search(asked.on_flexible(), progress=progress, workers=workers))
+    densities = Densities(bases, Search(asked.on_flexible(), progress=progress, workers=workers))
     search = Search(
         asked,
         progress=progress,
         workers=workers,
-        origins=lambda: _origins(declared),
+        origins=lambda: _origins(declared) if bases.is_known else iter(()),
         sooner=lambda: with_declared_kinetics(declared),
         is_lost=lambda: declared.fit.ratio > asked.in_sight and densities.leave_far_less(asked),
     )
@@ -83,18 +90,25 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
     if not blind and declared.fit.ratio > asked.rateless_sooner and densities.tell(asked):
         others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
         return [_on_declared(declared, ()), densities.on_relays, *others]
-    steps = dataclasses.replace(search, thresholds=asked.on_trial()).run(declared)
+    beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_flexible()), asked)
+    trial = dataclasses.replace(search, thresholds=asked.on_trial(), is_told=beside.tell_soon)
+    steps = trial.run(declared)
+    if beside.told is not None:
+        return [_on_declared(declared, tuple(steps)), beside.told]
     better = _better(declared, steps)
     if better is not declared:  # what it had not come down by may be all that was explained
-        return _searched(better, asked, progress, workers)
+        return _searched(bases._replace(declared=better), asked, progress, workers)
     if not search.explains(steps, declared) and search.is_half_told(steps):
         # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
         steps = paired if search.explains(paired, declared) else steps
-    lawful = _on_free_law(declared, steps, search)
-    if lawful is not None:
-        return [lawful]
+    freer = _on_free_law(declared, steps, search) or _on_free_shape(declared, steps, search)
+    if freer is not None:
+        return [freer]
+    on_density = None if search.explains(steps, declared) else beside.on_density(steps)
+    if on_density is not None:
+        return [_on_declared(declared, tuple(steps)), on_density]
     is_as_near = _is_as_near_as_a_past(steps[-1].after, declared, asked)
     if declared.fit.ratio <= asked.reachable and not is_as_near:
         steps = search.with_wandering(steps, declared)
@@ -118,6 +132,8 @@ def _searched(declared: Hypothesis, asked: Thresholds, progress: Progress, worke
 
 
 def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:
+    if is_shaped(declared):
+        return Branch("shaped", declared, steps)
     is_many = any(isinstance(link, Polycrystal) for link in declared.staged.chain.links)
     return Branch("gaussian" if is_many else "none", declared, steps)
 
@@ -140,6 +156,25 @@ def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) ->
         return None
     search = dataclasses.replace(search, thresholds=search.thresholds.on_free_law())
     branch = dataclasses.replace(_on_declared(base, tuple(search.run(base))), has_free_law=True)
+    return branch if search.explains(branch.steps, base) else None
+
+
+def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:
+    """The search beside densities that are no Gaussians, where that is all that is missing, or that beside an effect.
+
+    Two shapes say what an identified density needs hundreds of weights for, which bend for an effect as well.
+    """
+    if search.at_floor(steps[-1].after):
+        return None
+    base = shaped(declared)
+    if base is declared:
+        return None
+    effects = [each.after for each in steps[-1].candidates[:_SHAPED]]
+    if base.excess > _LESS * declared.excess and not any(map(search.at_floor, search.workers.map(shaped, effects))):
+        return None
+    base, search = exact(base), dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
+    steps = () if search.at_floor(base) else tuple(search.run(base))
+    branch = _on_declared(base, steps)
     return branch if search.explains(branch.steps, base) else None
 
 

@@ -11,14 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pzt_ros.diagnosis.coordinates import Coordinate
+from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
 from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
+from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array, Signals
-from pzt_ros.physics.surrogate import in_few_steps
+from pzt_ros.physics.surrogate import in_few_steps, surrogate_of
 from pzt_ros.records import Record
 from pzt_ros.sysid.history_shares import share_bounds, shares_of, with_shares
 from pzt_ros.sysid.run import Start, begun_ceramic
@@ -145,6 +146,16 @@ class DeclaredHysteresis:
     def with_model(self, model: Ferroelectric) -> DeclaredHysteresis:
         """The same with another link, which is moved itself, without a fast model in its place."""
         return DeclaredHysteresis(model, model, self.coordinates, self.records, self.starts, self.gain)
+
+    def with_polycrystal(self, model: Polycrystal) -> DeclaredHysteresis:
+        """The same with another model of the same domains."""
+        free = [dataclasses.replace(each, kind=model.kind) for each in self.coordinates]
+        return DeclaredHysteresis(model, surrogate_of(model), free, self.records, self.starts, self.gain)
+
+    def with_free(self, fields: Sequence[str]) -> DeclaredHysteresis:
+        """The same with more parameters of the model free, behind those that are."""
+        free = (*self.coordinates, *(coordinate(self.model, field) for field in fields))
+        return DeclaredHysteresis(self.model, self.quick, free, self.records, self.starts, self.gain)
 
     def for_one_search(self) -> DeclaredHysteresis:
         """A copy that keeps tangents for as long as they serve; what it gives depends on what it was asked before."""

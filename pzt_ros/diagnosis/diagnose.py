@@ -33,7 +33,7 @@ from pzt_ros.diagnosis.next_experiment import (
 )
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
-from pzt_ros.diagnosis.remarks import LAW, SPARSE, WORSE, of_readings, of_samples
+from pzt_ros.diagnosis.remarks import LAW, SPARSE, WORSE, of_model, of_readings, of_samples
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -82,9 +82,9 @@ def diagnose(
     refitting = threads() if workers is None else nullcontext(workers)
     # candidates are refitted side by side, and BLAS threads would fight with them
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
-        declared = fit_base(chain, runs, asked, progress, pool)
-        asked = asked.on_free_law() if chain is None and has_powers(declared.staged.chain) else asked
-        branches = branches_of(declared, asked, progress, pool)
+        bases = fit_base(chain, runs, asked, progress, pool)
+        asked = asked.on_free_law() if chain is None and has_powers(bases.declared.staged.chain) else asked
+        branches = branches_of(bases, asked, progress, pool)
         chosen = chosen_of(branches, asked)
         progress("predicting")
         reached = _reached(runs, chosen, asked, command, pool)
@@ -112,7 +112,8 @@ def _report(
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     has_past = chosen.final.staged.has_past  # a few reversals are off by something slow
-    floor = asked.flexible_remains if has_past or chosen.density == "identified" else asked.floor
+    is_near = has_past or chosen.density in ("identified", "shaped")
+    floor = asked.flexible_remains if is_near else asked.floor
     slow_floor = math.inf if has_past else _SLOW_FLOOR
     remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, slow_floor)
     sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
@@ -143,6 +144,7 @@ def _report(
             *reached.remarks,
             *((SPARSE,) if sparse else ()),
             *((LAW,) if chosen.has_free_law else ()),
+            *of_model(chosen.base),
             *of_readings(chosen.final),
             *(each.remark for each in blind),
             *of_samples(runs),

@@ -151,14 +151,14 @@ def exact(found: Hypothesis) -> Hypothesis:
 
 def exactly(found: Hypothesis) -> Hypothesis:
     """The same, however far it is."""
-    best = _exact_here(found)
+    best = exact_here(found)
     for count in range(_MOST_CORRECTIONS):
         if best is found or (count >= _CORRECTIONS and not _creeps(best)):
             break
         moved = fitted(best.staged, best.vector, best.effects, _STEPS)
         if np.max(np.abs(moved.solution.vector - best.solution.vector)) < _STAYS:
             return moved
-        there = _exact_here(moved)
+        there = exact_here(moved)
         if there.solution.cost >= best.solution.cost:
             break
         best = there
@@ -170,7 +170,7 @@ def _creeps(found: Hypothesis) -> bool:
     return low < found.fit.ratio <= high
 
 
-def _exact_here(found: Hypothesis) -> Hypothesis:
+def exact_here(found: Hypothesis) -> Hypothesis:
     """The hypothesis as it is, exact there; itself where it is exact everywhere."""
     staged = found.staged.exact_at(found.vector)
     if staged is found.staged:

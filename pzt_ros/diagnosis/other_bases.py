@@ -14,6 +14,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.table import EFFECTS
 from pzt_ros.parallel import Workers
@@ -85,17 +86,22 @@ class Densities:
     To identify one takes seconds, and minutes to search for effects on a base that was wrong.
 
     Attributes:
-        declared: the fitted declared model.
+        known: the fitted declared model, and relays that were identified before.
         search: on a flexible base.
     """
 
-    declared: Hypothesis
+    known: Bases
     search: Search
+
+    @property
+    def declared(self) -> Hypothesis:
+        """The fitted declared model."""
+        return self.known.declared
 
     @cached_property
     def relays(self) -> Hypothesis | None:
         """Those that know no rate, without an effect; None where a run has a past."""
-        return fit_rate_independent(self.declared, self.search.progress)
+        return self.known.relays or fit_rate_independent(self.declared, self.search.progress)
 
     @cached_property
     def on_relays(self) -> Branch:

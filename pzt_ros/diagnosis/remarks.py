@@ -8,6 +8,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.gaps import lost_turns
+from pzt_ros.diagnosis.grain import was_grainy
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.wandering import wanders
 from pzt_ros.sysid.spikes import told
@@ -33,6 +34,10 @@ LAW = (
     "The strain goes with other powers of the polarization than was declared: a law up to the third was fitted in its"
     " place. The curve of a sensor would look alike."
 )
+_GRAIN = (
+    "The nodes of the declared quadrature are too few for these runs: its densities were put on a lattice, which the"
+    " model keeps."
+)
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
     " not in the record."
@@ -43,6 +48,11 @@ def of_readings(found: Hypothesis) -> list[str]:
     """What was taken out of the misfit of the runs and stays in their prediction."""
     fading = any(run.fades for run in found.staged.runs)
     return [*([_WANDERS] if wanders(found) else []), *([_FADES] if fading else [])]
+
+
+def of_model(found: Hypothesis) -> list[str]:
+    """What stands in the place of what was declared."""
+    return [_GRAIN] if was_grainy(found) else []
 
 
 def of_samples(runs: Sequence[RunData]) -> list[str]:

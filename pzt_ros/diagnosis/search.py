@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -29,7 +29,13 @@ _RENEWALS, _COMES_DOWN = 3, 0.98  # times that effects are found anew, and what 
 
 @dataclass
 class Search(Seeker):
-    """Forward addition of effects; a `Seeker` that decides what is added."""
+    """Forward addition of effects; a `Seeker` that decides what is added.
+
+    Attributes:
+        is_told: whether what was found so far is all, although something is left beside it; then the search ends.
+    """
+
+    is_told: Callable[[Sequence[Step]], bool] = lambda steps: False
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -38,7 +44,7 @@ class Search(Seeker):
     def continued(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The run that began with these steps."""
         found = self._decided([*steps], base)
-        while self._goes_on(found, base):
+        while self._goes_on(found, base) and not self.is_told(found):
             step = self.step(found[-1].after)
             there = step.base_instead
             if there is not None and there.total <= _COMES_DOWN * found[-1].after.total:
@@ -74,10 +80,10 @@ class Search(Seeker):
         if bare is None:
             return steps
         winner = Candidate(name, bare, further.after)
-        alike = [other for other in last.tied[1:] if self._still_ties(winner, other)]
+        alike = [other for other in last.tied[1:] if self.still_ties(winner, other)]
         return [*steps[:-1], replace(last, tied=(name, *alike) if alike else ()), further]
 
-    def _still_ties(self, winner: Candidate, name: str) -> bool:
+    def still_ties(self, winner: Candidate, name: str) -> bool:
         """Whether an effect refitted in the winner's place is as good; a refit that fails does not rule it out."""
         found, refused = replace(self, effects=(EFFECT_OF[name],))._candidates(winner.before, winner.before)
         if not found:

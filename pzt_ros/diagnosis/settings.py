@@ -122,7 +122,7 @@ class Thresholds:
     instead: float = 0.8
     rateless_sooner: float = 3.0
     rateless_outdone: float = 0.25
-    undeclared_outdone: float = 1.5
+    undeclared_outdone: float = 0.5
     rateless: float = 3.0
     plainer: float = 1.05
     tie: float = 0.93
@@ -163,6 +163,10 @@ class Thresholds:
             rateless_sooner=self.floor,
             rateless_outdone=self.undeclared_outdone,
         )
+
+    def on_shaped(self) -> Thresholds:
+        """What is asked on densities that are no Gaussians: two shapes come near one, as an identified one does."""
+        return replace(self, floor=self.flexible_remains)
 
     def on_free_law(self) -> Thresholds:
         """What is asked beside a strain law with more powers than were declared: a sensor's curve may be one more.

@@ -23,6 +23,7 @@ from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.shaped import shaped
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.strain_laws import as_powers
 from pzt_ros.parallel import Workers
@@ -57,9 +58,23 @@ _STARTS = _Start(0.2, 2.5, 0.7, 1.1), _Start(0.35, 1.2, 0.35, 1.2)
 """The thesis' materials as driven to one side and to both."""
 
 
+class Bases(NamedTuple):
+    """What effects may be sought beside.
+
+    Attributes:
+        declared: the fitted chain, or what stands for it where none was declared.
+        relays: that know no rate, where they were identified on the way.
+        is_known: whether a chain was declared, so that its fit may begin anew where that was.
+    """
+
+    declared: Hypothesis
+    relays: Hypothesis | None = None
+    is_known: bool = False
+
+
 def fit_base(
     chain: Chain | None, runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers
-) -> Hypothesis:
+) -> Bases:
     """Fit the declared chain to the runs; what `fit_undeclared` finds where there is none.
 
     Raises:
@@ -67,10 +82,10 @@ def fit_base(
     """
     if chain is None:
         return fit_undeclared(runs, asked, progress, workers)
-    return fit_declared(chain, runs, progress, workers)
+    return Bases(fit_declared(chain, runs, progress, workers), is_known=True)
 
 
-def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers) -> Hypothesis:
+def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers) -> Bases:
     """Fit a polycrystal to the runs; where that leaves something, relays that leave nothing, or one domain with less.
 
     Args:
@@ -83,22 +98,27 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     progress("fitting a polycrystal")
     virgin = plain = begun(chain, runs)
     found = as_poled(virgin, is_declared=False)
-    if virgin.fit.ratio > asked.reachable and found.fit.ratio > asked.finishable:
-        former = chain
-        chain, found = _with_another_law(chain, found, asked)
-        plain = virgin if chain is former else found
+    if max(found.ratios) > asked.floor:
+        found = shaped(found)
     if asked.floor < max(found.ratios) <= asked.near_floor:
         found = exact(found)  # it may be no more than what the front model is off by
-    if max(found.ratios) > asked.floor:
-        relays = fit_rate_independent(found, progress)
-        if relays is not None and max(relays.ratios) <= asked.flexible_remains:
-            return relays
-        progress("fitting one representative domain")
-        domain = _one_domain(found, plain, chain, asked)
-        if domain is not None and not domain.staged.has_past:
-            return domain  # what was before is the drive before all runs
-        found = domain or found
-    return with_pasts(found, progress, workers)
+    if max(found.ratios) <= asked.floor:
+        return Bases(found)
+    relays = fit_rate_independent(found, progress)
+    if relays is not None and max(relays.ratios) <= asked.flexible_remains:
+        return Bases(relays, relays)
+    is_rateless = relays is not None and relays.excess <= asked.rateless_outdone * found.excess
+    if not is_rateless and virgin.fit.ratio > asked.reachable and found.fit.ratio > asked.finishable:
+        former = chain
+        progress("fitting a polycrystal with other laws of strain")
+        chain, found = _with_another_law(chain, found, asked, relays)
+        plain = virgin if chain is former else found
+    progress("fitting one representative domain")
+    domain = _one_domain(found, plain, chain, asked)
+    if domain is not None and not domain.staged.has_past:
+        return Bases(domain, relays)  # what was before is the drive before all runs
+    found = domain or found
+    return Bases(with_pasts(found, progress, workers) if found.staged.has_past else exact(found), relays)
 
 
 def default_chain(runs: Sequence[RunData]) -> Chain:
@@ -124,24 +144,37 @@ def default_chain(runs: Sequence[RunData]) -> Chain:
     )
 
 
-def _with_another_law(chain: Chain, found: Hypothesis, asked: Thresholds) -> tuple[Chain, Hypothesis]:
+def _with_another_law(
+    chain: Chain, found: Hypothesis, asked: Thresholds, relays: Hypothesis | None = None
+) -> tuple[Chain, Hypothesis]:
     """The chain and its fit, with a strain that goes with other powers of P, too, where that leaves far less.
+
+    Relays that were identified tell which, as no density of theirs can.
 
     No effect leaves so much beside the right law, and beside the square a density bends in vain for another: 90 x the
     noise, 9 with the linear term.
     """
-    square = as_powers(chain.links[-1])
-    assert square is not None  # a default chain ends with its law
     ceramic = [each.name for each in free_parameters(chain) if each.place != len(chain.links) - 1]
-    laws = [StrainLaw(linear=a * _POLARIZATION * square.quadratic, quadratic=b * square.quadratic) for a, b in _LAWS]
-    for powers in _POWERS:
+    for powers, laws in _laws_to_try(chain, relays):
         notes = {**chain.notes, "free": [*ceramic, *(f"{StrainLaw.kind}.{power}" for power in powers)]}
         chains = [replace(chain, links=(*chain.links[:-1], law), notes=notes) for law in laws]
-        fits = [as_poled(begun(each, found.staged.runs), is_declared=False) for each in chains]
+        fits = [shaped(as_poled(begun(each, found.staged.runs), is_declared=False)) for each in chains]
         number = min(range(len(fits)), key=lambda each: fits[each].total)
         if fits[number].excess <= asked.outdone * found.excess:
             chain, found = chains[number], fits[number]
     return chain, found
+
+
+def _laws_to_try(chain: Chain, relays: Hypothesis | None) -> list[tuple[tuple[str, ...], list[StrainLaw]]]:
+    """Powers that are free, and where they start: at the law of relays, or at some beside the square of the chain."""
+    if relays is not None:
+        law = next(link for link in relays.staged.chain_at(relays.vector).links if isinstance(link, StrainLaw))
+        powers = tuple(power for power in _POWERS[-1] if getattr(law, power) != 0.0)
+        return [(powers, [law])]
+    square = as_powers(chain.links[-1])
+    assert square is not None  # a default chain ends with its law
+    laws = [StrainLaw(linear=a * _POLARIZATION * square.quadratic, quadratic=b * square.quadratic) for a, b in _LAWS]
+    return [(powers, laws) for powers in _POWERS]
 
 
 def has_powers(chain: Chain) -> bool:

@@ -150,6 +150,6 @@ def test_a_polycrystal_stays_one() -> None:
     train, test = runs_of(plant)
     runs = split(with_floors((*train, *test))[:2], with_floors((*train, *test))[2:])
     told: list[str] = []
-    base = fit_undeclared(runs, Thresholds(), told.append, IN_THIS_PROCESS)
+    base = fit_undeclared(runs, Thresholds(), told.append, IN_THIS_PROCESS).declared
     assert isinstance(base.staged.ceramic.link(base.staged.ceramic.start), Lattice)
     assert "fitting one representative domain" in told
