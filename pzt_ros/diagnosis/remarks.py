@@ -10,6 +10,7 @@ from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.grain import was_grainy
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.shaped import is_shaped
 from pzt_ros.diagnosis.wandering import wanders
 from pzt_ros.sysid.spikes import told
 
@@ -38,6 +39,10 @@ _GRAIN = (
     "The nodes of the declared quadrature are too few for these runs: its densities were put on a lattice, which the"
     " model keeps."
 )
+_SHAPED = (
+    "The densities of coercive and interaction fields are no Gaussians: their skew and tails were fitted, too"
+    " (coercive_field_skew, interaction_field_tail)."
+)
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
     " not in the record."
@@ -52,7 +57,7 @@ def of_readings(found: Hypothesis) -> list[str]:
 
 def of_model(found: Hypothesis) -> list[str]:
     """What stands in the place of what was declared."""
-    return [_GRAIN] if was_grainy(found) else []
+    return [*([_GRAIN] if was_grainy(found) else []), *([_SHAPED] if is_shaped(found) else [])]
 
 
 def of_samples(runs: Sequence[RunData]) -> list[str]:

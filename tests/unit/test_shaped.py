@@ -89,6 +89,7 @@ def test_a_density_that_is_no_gaussian_is_no_effect(declared: Chain | None) -> N
     report = diagnose(*runs_of(skewed()), declared, workers=IN_THIS_PROCESS)
     assert (report.effects, report.remains.present) == ((), False)
     assert report.base["density"] == "shaped"
+    assert any("no Gaussians" in remark for remark in report.remarks)
     assert report.after.test < 1.1 * NOISE
     assert report.model.links[0].coercive_field_skew > 0.1  # type: ignore[attr-defined]
 
