@@ -23,7 +23,7 @@ SAYS = {
     "06-track": "times better than open_loop",
     "07-controller": "secant: 1",
     "08-effect": "Missing: fringe error",
-    "09-node": '"there_m": 2.9',
+    "09-node": '"there_m": 2.',
     "10-axes": "x: run complete; y: run complete",
     "11-driver": "least step of the reading: 50 nm",
 }
