@@ -38,6 +38,13 @@ STOP_DEADLINE = 5.0
 """A node that was asked to stop gets this long [s]; the amplifier needs it for the ramp to 0 V."""
 
 
+LEAVE_DEADLINE = 10
+"""The middleware gets this long to let go of all nodes [s].
+
+FastDDS was seen to wait for a listener of its own for ever, at full speed, after its supervisor had been killed.
+"""
+
+
 def main(make: Callable[[], GraphNode]) -> None:
     """The body of every node's `main`: run it as a process of its own."""
     sys.exit(run([make]))
@@ -66,9 +73,18 @@ def run(makes: Sequence[Callable[[], GraphNode]]) -> int:
             node.settle()
         for node in nodes:
             node.close()
-            node.destroy_node()
-        rclpy.try_shutdown()
-        get_default_context().destroy()
+        leave(nodes)
+
+
+def leave(nodes: Sequence[GraphNode]) -> None:
+    """Destroy nodes and context; what hangs there ends the process by a signal: nothing in Python runs meanwhile."""
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(LEAVE_DEADLINE)
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+    get_default_context().destroy()
+    signal.alarm(0)
 
 
 def _spin(nodes: list[GraphNode], asked: list[int]) -> int:
