@@ -24,7 +24,6 @@ from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
-_LESS = 0.8  # share of the excess that free shapes may leave of what Gaussians do to be searched beside
 _SHAPED = 2  # effects beside which shapes are freed
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 
@@ -170,7 +169,8 @@ def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) 
     if base is declared:
         return None
     effects = [each.after for each in steps[-1].candidates[:_SHAPED]]
-    if base.excess > _LESS * declared.excess and not any(map(search.at_floor, search.workers.map(shaped, effects))):
+    helps = base.excess <= search.thresholds.shaped_less * declared.excess
+    if not helps and not any(map(search.at_floor, search.workers.map(shaped, effects))):
         return None
     base, search = exact(base), dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
     steps = () if search.at_floor(base) else tuple(search.run(base))

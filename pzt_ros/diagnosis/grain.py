@@ -8,7 +8,6 @@ leaves less; what was simulated with the nodes keeps them.
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact_here, fitted
@@ -17,10 +16,9 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.quadrature import Quadrature
-from pzt_ros.quantities import parameters_of
+from pzt_ros.physics.surrogate import in_place_of
 
 _NOTE = "nodes"
-_FORMS = ("coercive_density", "interaction_density")
 
 
 def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:
@@ -28,7 +26,7 @@ def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:
     staged, ceramic = found.staged, found.staged.ceramic
     if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Quadrature):
         return found
-    lattice = _lattice_of(ceramic.model, spacing)
+    lattice = in_place_of(ceramic.model, Lattice, spacing=spacing, method=ceramic.model.method)
     chain = staged.chain.with_links(lambda link: _in_place(link, lattice))
     notes = {**chain.notes, _NOTE: "too few"}
     fine = dataclasses.replace(
@@ -41,12 +39,6 @@ def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:
 def was_grainy(found: Hypothesis) -> bool:
     """Whether its lattice stands for a quadrature that was declared."""
     return _NOTE in found.staged.chain.notes
-
-
-def _lattice_of(nodes: Quadrature, spacing: float) -> Lattice:
-    shared = [name for name in parameters_of(Lattice) if name in parameters_of(nodes)]
-    values: dict[str, Any] = {name: getattr(nodes, name) for name in (*shared, *_FORMS, "method")}
-    return Lattice(**{**values, "spacing": spacing})
 
 
 def _in_place(link: Link, lattice: Polycrystal) -> Link:

@@ -51,6 +51,8 @@ class Thresholds:
             sooner than effects beside it, and what share of its excess those may leave at most. Where nothing was
             declared nothing speaks for the base: then from the floor on, and they may leave `undeclared_outdone`.
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
+        shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
+            beside.
         plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
@@ -124,6 +126,7 @@ class Thresholds:
     rateless_outdone: float = 0.25
     undeclared_outdone: float = 0.5
     rateless: float = 3.0
+    shaped_less: float = 0.8
     plainer: float = 1.05
     tie: float = 0.93
     alike_tie: float = 0.9

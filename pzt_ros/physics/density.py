@@ -24,11 +24,11 @@ THESIS_CUT = 3.0
 
 
 @dataclass(frozen=True)
-class Gaussian:
-    """exp(-(E - centre)^2/spread), cut off below `lower` and normalised (3.12, 3.14).
+class _Bell:
+    """What densities with one peak are made of.
 
     Attributes:
-        centre: of the bell, also of the clipped one [V/m].
+        centre: where it is densest, unless that is cut off [V/m].
         spread: b = 2 sigma^2 [V^2/m^2]; 0 means that all domains have the field `centre`.
         lower: there is nothing below this field [V/m]; 0 for coercive fields.
     """
@@ -39,13 +39,18 @@ class Gaussian:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the unclipped bell [V/m]."""
+        """Standard deviation of the normal that it comes from [V/m]."""
         return math.sqrt(self.spread / 2)
 
     @property
     def peak(self) -> float:
         """The field of the highest density [V/m]."""
         return max(self.centre, self.lower)
+
+
+@dataclass(frozen=True)
+class Gaussian(_Bell):
+    """exp(-(E - centre)^2/spread), cut off below `lower` and normalised (3.12, 3.14)."""
 
     @property
     def mass(self) -> float:
@@ -78,39 +83,23 @@ class Gaussian:
 
 
 @dataclass(frozen=True)
-class Bent:
-    """A bell of another shape: E = mode + sigma h(z) of a normal z, cut off below `lower` and 6 sigma from the mode.
+class Bent(_Bell):
+    """A bell of another shape: E = centre + sigma h(z) of a normal z, cut off below `lower` and at 6 sigma.
 
-    Skewed, h = (exp(s z) - exp(-s^2))/s, it is the lognormal density, shifted; with tails, h = sinh(r z)/r, Johnson's
-    S_U, at r = 0.5 close to a logistic, beyond to Student's. The tail is r^2, below 0 that of the inverse, which is
-    flatter than a Gaussian: so the density goes straight with it about 0.
+    Skewed, h = (exp(s z) - exp(-s^2))/s, it is the lognormal density, shifted; with tails, h = sinh(r z)/r, S_U of
+    Johnson (Biometrika 36, 1949), at r = 0.5 close to a logistic, beyond to Student's. The tail is r^2, below 0 that of
+    the inverse, which is flatter than a Gaussian: so the density goes straight with it about 0.
 
     Attributes:
-        mode: where it is densest [V/m].
-        spread: 2 sigma^2 [V^2/m^2]; of the Gaussian that it is without skew and tails.
         skew, tail: s and r^2 [-]; one of them is 0.
-        lower: there is nothing below this field [V/m].
     """
 
-    mode: float
-    spread: float
     skew: float = 0.0
     tail: float = 0.0
-    lower: float = -math.inf
-
-    @property
-    def sigma(self) -> float:
-        """Of the normal that is bent [V/m]."""
-        return math.sqrt(self.spread / 2)
-
-    @property
-    def peak(self) -> float:
-        """The field of the highest density [V/m]."""
-        return max(self.mode, self.lower)
 
     def support(self, cut: float) -> tuple[float, float]:
         """Ends of the range kept when z is cut at `cut` sigma [V/m]."""
-        ends = self.mode + self.sigma * self._bent(np.array([-cut, cut]))
+        ends = self.centre + self.sigma * self._bent(np.array([-cut, cut]))
         low, high = np.clip(ends, *self._ends)
         return float(low), float(high)
 
@@ -132,7 +121,7 @@ class Bent:
         """The field below which lies a `share` of the domains [V/m]."""
         first, last = self._shares
         z: Array = special.ndtri(first + share * (last - first))
-        return self.mode + self.sigma * self._bent(z)
+        return self.centre + self.sigma * self._bent(z)
 
     def widened(self, sigma: float) -> Bent:
         """The same, at least so wide."""
@@ -142,7 +131,7 @@ class Bent:
     def _ends(self) -> tuple[float, float]:
         """What is farther out than a drive reaches would only make a grid larger [V/m]."""
         reach = _FARTHEST * self.sigma
-        return max(self.lower, self.mode - reach), self.mode + reach
+        return max(self.lower, self.centre - reach), self.centre + reach
 
     @cached_property
     def _shares(self) -> tuple[float, float]:
@@ -159,7 +148,7 @@ class Bent:
 
     def _straight(self, fields: Array) -> tuple[Array, Array]:
         """z at some fields, and dz/dh; infinitely far out, and 0, where there is none."""
-        h, s, r = (fields - self.mode) / self.sigma, self.skew, math.sqrt(abs(self.tail))
+        h, s, r = (fields - self.centre) / self.sigma, self.skew, math.sqrt(abs(self.tail))
         if s:
             growth = s * h + math.exp(-(s**2))
             inside = np.maximum(growth, _NOTHING)

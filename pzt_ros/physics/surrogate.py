@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.domains import Domains
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.link import Link
@@ -21,16 +22,20 @@ ACCURACY = 1e-4
 _LOOSE = 1e-3
 _MANY = 0.25  # thermal widths that the field climbs by in the mean sample: a substep of the front model
 
+_Other = TypeVar("_Other", bound=Domains)
 _TABLES = ("coercive_density", "interaction_density", "threshold_density")
 
 
 def surrogate_of(model: Ferroelectric) -> Ferroelectric:
     """Two thermal fronts with the parameters of a polycrystal; any other model as it is."""
-    if not isinstance(model, Polycrystal):
-        return model
-    shared = [name for name in parameters_of(Front) if name in parameters_of(model)]
-    values: dict[str, Any] = {name: getattr(model, name) for name in (*shared, *_TABLES)}
-    return Front(**{**values, "accuracy": ACCURACY})
+    return in_place_of(model, Front, accuracy=ACCURACY) if isinstance(model, Polycrystal) else model
+
+
+def in_place_of(model: Domains, other: type[_Other], **values: Any) -> _Other:
+    """Another model of the same domains, with the parameters that both have, and some values of its own [SI]."""
+    shared = [name for name in parameters_of(other) if name in parameters_of(model)]
+    known: dict[str, Any] = {name: getattr(model, name) for name in (*shared, *_TABLES)}
+    return other(**{**known, **values})
 
 
 def in_few_steps(link: Link, voltage: Array) -> Any:
