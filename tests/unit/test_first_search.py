@@ -645,7 +645,7 @@ def test_a_refit_that_did_not_leave_the_base_begins_where_the_best_went(
 def test_a_name_is_kept_on_a_density_that_is_identified_beside_it_where_it_is_needed_there(
     monkeypatch: pytest.MonkeyPatch, relays: float, lattice: float, bare: float, tied: bool, ends: list[str]
 ) -> None:
-    """An examiner's hum: named in 16 s, and four bases searched for what was the density's, 265 s."""
+    """An examiner's hum: named soon, and four more bases searched for what was the density's: 315 s, now 127."""
     before, after = leaving(4.0, 4.0), leaving(1.3, 1.4, effects=("sensor_lag",))
     step: Any = Step(before, (), {}, (SimpleNamespace(name="sensor_lag", after=after, share=0.95),), (), "")
     tried: list[str] = []
