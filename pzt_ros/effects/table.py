@@ -12,6 +12,7 @@ from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.confounded import CONFOUNDED
 from pzt_ros.effects.cross_coupling import CrossCoupling
 from pzt_ros.effects.effect import AT_COMMAND, AT_DISPLACEMENT, AT_FIELD, AT_POLARIZATION, AT_SENSOR, Effect
+from pzt_ros.effects.imprint import Imprint
 from pzt_ros.effects.leakage import Leakage
 from pzt_ros.effects.load_stiffness import LoadStiffness
 from pzt_ros.effects.mains_hum import MainsHum
@@ -72,6 +73,18 @@ EFFECTS: tuple[Effect, ...] = (
         ),
         free=("bias_voltage", "drift_share", "time_constant"),
         absence="a loop that lies off centre, or moves along the voltage as the run goes on",
+        next_experiment="a bipolar loop through saturation: its two coercive voltages differ by twice the bias",
+    ),
+    Effect(
+        link=Imprint,
+        place=AT_FIELD,
+        amplitude="settled_voltage",
+        starts=_grid(settled_voltage=(0.1,), time_constant=(10.0, 30.0, 100.0)),
+        free=("settled_voltage", "missing_voltage", "time_constant"),
+        per_run=("missing_voltage",),
+        linear=("settled_voltage", "missing_voltage"),
+        variant_of=BiasField.kind,
+        absence="a loop that moves along the voltage from run to run and as each goes on",
         next_experiment="a bipolar loop through saturation: its two coercive voltages differ by twice the bias",
     ),
     Effect(

@@ -54,6 +54,7 @@ LEFT_OUT: dict[str, str] = {
     "thermal_drift": "its rate belongs to one run; the next run cannot know it",
     "mains_hum": "its phase belongs to one run; the next run cannot know it",
     "polarization_fatigue": "the simulated stage begins every run as new, a real one would go on where it was",
+    "imprint": "what is missing of it belongs to one run; the next run cannot know it",
     "cross_coupling": "the story has one axis",
     "load_stiffness": "is a gain, which the strain law takes up",
     "leakage": "changes the charge that is measured, not the displacement",
