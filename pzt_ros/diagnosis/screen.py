@@ -296,12 +296,14 @@ class Screen:
 
         Infinite where a base that was never near the runs would go so far along a line that no number holds it.
         """
-        left = self._left + self._ahead @ shift
-        left, ahead = (each - self._own @ (self._own.T @ each) for each in (left, ahead))
-        if per_run:
-            amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
-        left = left + ahead @ amounts
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = self._left + self._ahead @ shift
+            if not np.all(np.isfinite(left)):
+                return math.inf
+            left, ahead = (each - self._own @ (self._own.T @ each) for each in (left, ahead))
+            if per_run:
+                amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
+            left = left + ahead @ amounts
             return float(left @ left) / left.size
 
 
