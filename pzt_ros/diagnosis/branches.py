@@ -10,6 +10,7 @@ from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Step
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
+from pzt_ros.diagnosis.from_rest import hardly_moved
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
@@ -187,10 +188,13 @@ def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:
 
 
 def _origins(declared: Hypothesis) -> Iterator[Hypothesis]:
-    """Where else the search for a first effect may start: without made-up histories, and at the values as declared."""
-    plain = without_histories(declared)
-    if plain is not None:
-        yield plain
+    """Where else the search for a first effect may start: without made-up histories, and at the values as declared.
+
+    Poled runs have histories that nobody made up; the base is hardly moved from those values then.
+    """
+    place = hardly_moved(declared) or without_histories(declared)
+    if place is not None:
+        yield place
     yield fitted(declared.staged, declared.staged.start, most_steps=0)
 
 

@@ -18,7 +18,7 @@ _CORRECTIONS, _MOST_CORRECTIONS = 2, 4
 _CREEPS = (1.05, 1.5)  # rms over noise between which it is worth more: in a valley, or it would be farther off
 _STEPS = 8
 _STAYS = 0.01  # change of coordinates, that is 1 % of a parameter
-_OWN_STEPS, _OWN_TOLERANCE = 6, 1e-3  # of what belongs to a test run alone
+_OWN_STEPS, _OWN_TOLERANCE = 20, 1e-3  # of what belongs to a test run alone
 
 
 @dataclass(frozen=True)

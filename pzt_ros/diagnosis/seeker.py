@@ -27,6 +27,8 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers, side_by_side
 _NO_START = "no start of it can be evaluated on these runs"
 _AT_ONCE = 2  # effects that are screened
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
+_MORE_THAN_ALIKE = 1.05  # times what its like promises, for a variant with numbers of each run to be refitted instead
+_NEARBY = 2.0  # times what the base leaves, up to which a place is nearby that leaves more
 _STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
 
 
@@ -116,7 +118,8 @@ class Seeker(Judge):
     ) -> tuple[tuple[Candidate, ...], dict[str, str]]:
         """Effects refitted beside what is in a hypothesis, from where another promises most; why the rest was not.
 
-        Those that promise to leave more than `most` of the mean square are not refitted.
+        Those that promise to leave more than `most` of the mean square are not refitted, unless they are seen from
+        where the base was not fitted to its end: there less has to be promised.
         """
         self.progress(f"screening {len(self.effects)} effects" + before.beside)
         screen = Screen(seen_from)
@@ -126,14 +129,18 @@ class Seeker(Judge):
         seen = side_by_side(screen.best, asked, _AT_ONCE)
         refused.update({e.name: _NO_START for e, prospect in zip(asked, seen, strict=True) if prospect is None})
         prospects = sorted((prospect for prospect in seen if prospect is not None), key=_left)
+        is_nearby = before.total < seen_from.total <= _NEARBY * before.total
+        there = seen_from if is_nearby else before
+        most = max(most, there.total) if is_nearby else most
         near = self.thresholds.refits + _MORE
-        sought = [p for n, p in enumerate(prospects) if p.effect.limits or (n < near and self._is_worth(before, p))]
+        sought = [p for n, p in enumerate(prospects) if p.effect.limits or (n < near and self._is_worth(there, p))]
         refined = dict(
             zip((p.effect.name for p in sought), side_by_side(screen.refined, sought, _AT_ONCE), strict=True)
         )
         prospects = sorted((refined.get(p.effect.name, p) for p in prospects), key=_left)
-        worth = [p for p in prospects if self._is_worth(before, p) and p.total <= most]
-        found, tried = self._refitted_in_turn(before, worth[: self.thresholds.refits])
+        worth = _one_of_alike(there, [p for p in prospects if self._is_worth(there, p) and p.total <= most])
+        causes = list(dict.fromkeys(p.effect.reported for p in worth))[: self.thresholds.refits]
+        found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes])
         for prospect in prospects:
             if prospect not in tried:
                 refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
@@ -209,6 +216,20 @@ class Seeker(Judge):
             if after and after.total < (found[n] or before).total:
                 found[n] = after
         return found
+
+
+def _one_of_alike(before: Hypothesis, prospects: Sequence[Prospect]) -> list[Prospect]:
+    """Without variants that have numbers of each run and promise no more than their like, or without that like.
+
+    Both are reported as one cause, and take up what the other does; a refit of such a variant takes longest.
+    """
+    promised = {prospect.effect.name: _promise(before, prospect) for prospect in prospects}
+    dropped = set()
+    for effect in (prospect.effect for prospect in prospects):
+        if effect.variant_of in promised and effect.per_run:
+            is_more = promised[effect.name] > _MORE_THAN_ALIKE * promised[effect.variant_of]
+            dropped.add(effect.variant_of if is_more else effect.name)
+    return [prospect for prospect in prospects if prospect.effect.name not in dropped]
 
 
 def _left(prospect: Prospect) -> float:

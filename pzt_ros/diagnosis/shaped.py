@@ -31,11 +31,14 @@ def shaped(found: Hypothesis) -> Hypothesis:
 
 
 def far_better_shaped(found: Hypothesis) -> Hypothesis:
-    """The same where that leaves far less, and no run has a past; else as it is."""
+    """The same where that leaves far less of what was fitted, and no run has a past; else as it is.
+
+    A run that only chooses may lack its own past, which says nothing of a density.
+    """
     if max(found.ratios) <= _CLEAN or found.staged.has_past:
         return found
     other = shaped(found)
-    return other if other.excess <= _FAR_LESS * found.excess else found
+    return other if other.fit.excess <= _FAR_LESS * found.fit.excess else found
 
 
 def is_shaped(found: Hypothesis) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -54,6 +54,7 @@ _APPROACHES = 0.1, 10.0, 100.0, 1e3  # usual legs: what a search begins with
 _REFINED = 2
 _ROUGH, _FINE = (6, 1e-4), (40, 1e-6)  # evaluations at most of a local search, and the shares it may stop at
 _CORRECTIONS = 3
+_FAR_OWN = 10.0  # spreads of what was expected, as far as a parameter of the run may be off
 PRICE = 10.0  # fall of n_eff ln(SSR) that one more unknown has to bring; chi^2 of 1 degree of freedom, p = 0.002
 
 
@@ -75,6 +76,7 @@ def settle(
     tangent: Array | None = None,
     noise: float = 0.0,
     thorough: bool = False,
+    is_alone: bool = False,
 ) -> Start:
     """The shortest history that the counted samples ask for, and the offset with it.
 
@@ -90,6 +92,7 @@ def settle(
             wrong history would defend it.
         noise: of the displacement [m]; a history that leaves no more than that is not questioned.
         thorough: look further beyond the run's range, too, with more of a grid.
+        is_alone: nothing else is missing, so a run from rest may have had as long a past as one that begins driven.
     """
     misfits = _Misfits(chain, part, tangent)
     begins = [base.without_reading for base in bases] or [Start(leg=typical_leg(part.record))]
@@ -98,7 +101,8 @@ def settle(
         return with_offset(chain, part, begins[0])
     shares = np.linspace(*WIDE, _MORE_LEVELS + 2) if thorough else np.linspace(*USUAL, _LEVELS + 2)
     levels = voltages_at(part.record, shares[1:-1])
-    found = [_grown(misfits, begin, part.record, noise, levels) for begin in begins]
+    longest = _LONGEST if is_alone or begins_driven(part.record) else _LONGEST_FROM_REST
+    found = [_grown(misfits, begin, longest, part.record, noise, levels) for begin in begins]
     best = min(found, key=lambda each: _price(each, misfits.exactly(each))) if len(found) > 1 else found[0]
     return with_offset(chain, part, best)
 
@@ -113,6 +117,42 @@ def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
         return with_offset(chain, part, start)
     misfit = _misfit_of(chain, part, tangent=dying_out(chain, part))
     return with_offset(chain, part, _refined(misfit, start.without_reading, part.record, _FINE))
+
+
+def at_its_best_with(
+    chain: Chain, part: CountedPart, start: Start, own: Mapping[str, tuple[float, float]], noise: float
+) -> Start:
+    """The same with parameters of the run moved along: what acts on the ceramic hides its past, and is hidden by it.
+
+    Args:
+        chain: that the run is predicted with.
+        part: that may be looked at.
+        start: where the search begins, with values of these parameters.
+        own: what each is expected to be, and how far it may be from that [SI].
+        noise: of the displacement [m], by which that is weighed.
+    """
+    count, known, names = start.unknowns, dict(start.values), list(own)
+    mean, spread = (np.array([own[name][k] for name in names]) for k in (0, 1))
+    left, unit = _left_beside(part, dying_out(chain, part)), max(noise, 1e-12)  # m; of a record without any noise
+
+    def moved(vector: Array) -> Start:
+        values = {**known, **dict(zip(names, mean + spread * vector[count:], strict=True))}
+        shares = with_shares(start.without_reading, part.record, vector[:count])
+        return replace(shares, values=tuple((name, float(value)) for name, value in values.items()))
+
+    low, high = np.array(share_bounds(part.record, start)).reshape(-1, 2).T
+    far = np.full(mean.size, _FAR_OWN)
+    first = (np.array([known[name] for name in names]) - mean) / spread
+    shares = np.clip(shares_of(part.record, start), low + _ROOM, high - _ROOM)
+    found = _least_squares(
+        lambda vector: np.append(left(displacement_of(chain, part, moved(vector))) / unit, vector[count:]),
+        np.concatenate((shares, np.clip(first, -0.9 * far, 0.9 * far))),
+        bounds=(np.append(low, -far), np.append(high, far)),
+        diff_step=1e-3,
+        xtol=_FINE[1],
+        max_nfev=_FINE[0],
+    )
+    return with_offset(chain, part, moved(found.x))
 
 
 def telling_part(part: CountedPart) -> CountedPart:
@@ -181,9 +221,10 @@ class _Misfits:
         return self._left(there)
 
 
-def _grown(misfits: _Misfits, best: Start, record: Record, clean: float, levels: Sequence[float]) -> Start:
+def _grown(
+    misfits: _Misfits, best: Start, longest: int, record: Record, clean: float, levels: Sequence[float]
+) -> Start:
     """A history with as many more reversals as pay, begun at some levels [V], until only `clean` is left [m]."""
-    longest = _LONGEST if begins_driven(record) else _LONGEST_FROM_REST
     left = misfits.correct_at(best)
     while len(best.prior_voltages) < longest and rms(left) > clean:
         sought = misfits.early(best)

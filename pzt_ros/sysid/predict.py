@@ -11,11 +11,12 @@ import numpy as np
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.quantities import parameters_of
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
-from pzt_ros.sysid.history_search import at_its_best, pays, settle
+from pzt_ros.sysid.history_search import at_its_best, at_its_best_with, pays, settle
 from pzt_ros.sysid.noise import noise_floor
 from pzt_ros.sysid.parameters import without_noise
 from pzt_ros.sysid.result import SETTLE_TIME
@@ -29,6 +30,7 @@ _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
 _MOST_BASES = 4  # pasts that a search for another begins from: none, as runs are poled, and as fitted runs began
 _AS_USUAL = 1.1  # rms over noise up to which a run from rest begins with as many reversals as the fitted ones
+_FAR_LESS = 0.5  # of what a poled past leaves, from which a run from rest may have been left within minor loops
 _LEAST_SPREAD = 0.3  # of the largest value, where the fitted runs agree by chance or are few
 _SOON = 0.1  # of what went before a run that is not known: it was not long after those that are
 _UNIT = 1e-9  # [SI]; a difference in a linear parameter, where nothing is expected of it
@@ -127,7 +129,33 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     past, own = (counted_part(record, each, _MOST_TO_SETTLE, is_poled) for each in (look.past, look.own))
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, past, base, list(known.values()), noise)
-    return _with_own_values(model, own, base, found, expected, noise), look.rule, look.told
+    start = _with_own_values(model, own, base, found, expected, noise)
+    return _told_together(model, own, base, start, expected, noise), look.rule, look.told
+
+
+def _told_together(
+    model: Chain,
+    counted: CountedPart,
+    base: Start,
+    found: Start,
+    expected: Mapping[str, tuple[float, float]],
+    noise: float,
+) -> Start:
+    """A start with its past and what acts on the ceramic moved together, or the usual one if what it has more pays not.
+
+    As it is where no parameter of the run acts there. One that does says little before the past is known, and the past
+    little before it is.
+    """
+    known = {name: each for name, each in expected.items() if 0.0 < each[1] < math.inf}
+    acting = {name: each for name, each in known.items() if _acts_on_ceramic(model, name)}
+    if not acting:
+        return found
+    starts = (_with_own_values(model, counted, base, base, expected, noise), found)
+    usual, other = (at_its_best_with(model, counted, each, acting, noise) for each in starts)
+    before, after = (misfit_at(model, counted, each) for each in (usual, other))
+    more = other.unknowns - usual.unknowns
+    is_better = pays(before, after, more) if more > 0 else rms(after) < rms(before)
+    return other if is_better else usual
 
 
 class _Look(NamedTuple):
@@ -198,7 +226,14 @@ def _past_of(model: Chain, counted: CountedPart, base: Start, fitted: Sequence[S
         if base.occupancy:
             return base
         alike = _alike(model, counted, base) if base.prior_voltages else base
-        return alike if _is_as_usual(model, counted, alike, noise) else settle(model, counted, [base], noise=noise)
+        if _is_as_usual(model, counted, alike, noise):
+            return alike
+        short = settle(model, counted, [base], noise=noise)
+        if not base.prior_voltages or not short.prior_voltages:
+            return short
+        longer = at_its_best(model, counted, settle(model, counted, [base], noise=noise, is_alone=True))
+        left = [rms(misfit_at(model, counted, start)) for start in (longer, short)]
+        return longer if left[0] < _FAR_LESS * left[1] else short
     poled = [start.prior_voltages[0] for start in fitted if start.prior_voltages]
     pasts = [(), *([(float(np.median(poled)),)] if poled else []), *(start.prior_voltages for start in fitted)]
     bases = [replace(base, prior_voltages=past, approach=None) for past in dict.fromkeys(pasts)]
@@ -266,6 +301,13 @@ def with_own_values_fitted(
     values = mean + np.linalg.lstsq(rows, targets, rcond=None)[0]
     allowed = ((name, _allowed(chain, name, float(value))) for name, value in zip(names, values, strict=True))
     return replace(start, values=(*start.values, *allowed))
+
+
+def _acts_on_ceramic(chain: Chain, name: str) -> bool:
+    """Whether a parameter `link.field` belongs to a link before the ceramic."""
+    kinds = [link.kind for link in chain.links]
+    ceramic = next((place for place, link in enumerate(chain.links) if isinstance(link, Ferroelectric)), 0)
+    return name.partition(".")[0] in kinds[:ceramic]
 
 
 def _allowed(chain: Chain, name: str, value: float) -> float:
