@@ -117,7 +117,7 @@ class Densities:
     def tell(self, asked: Thresholds) -> bool:
         """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""
         base = self.relays
-        if base is None or base.fit.ratio > asked.nameable:
+        if base is None or base.fit.ratio > asked.rateless_tells:
             return False
         if base.excess > asked.rateless_outdone * self.declared.excess:
             return False

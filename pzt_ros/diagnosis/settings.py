@@ -48,8 +48,10 @@ class Thresholds:
             declared they are tried from the floor on, if they leave less at all.
         instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared.
         rateless_sooner, rateless_outdone: rms over noise that a base leaves from which relays without a rate are tried
-            sooner than effects beside it, and what share of its excess those may leave at most. Where nothing was
-            declared nothing speaks for the base: then from the floor on, and they may leave `undeclared_outdone`.
+            sooner than effects beside it, and what share of its excess those may leave at most.
+        rateless_tells: rms over noise up to which they are searched then. Where nothing was declared nothing speaks for
+            the base: then they are tried from the floor on, may leave `undeclared_outdone`, and may be as far off as an
+            effect that they lack. (Where relays did not make the runs they left 2.7 times the excess and more.)
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
@@ -71,7 +73,7 @@ class Thresholds:
             one with a fourth it left 1.034 and 1.038 x the noise, and a curve was named.
         flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
             that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
-        refits: candidates that are refitted at most.
+        refits: causes whose candidates are refitted at most.
         promised: what a candidate has to promise of what the best promises to be refitted with that; the others are
             where none of those explains enough.
         most_effects, unchecked_effects: that are added at most; the same where nothing is left that chooses.
@@ -124,7 +126,8 @@ class Thresholds:
     instead: float = 0.8
     rateless_sooner: float = 3.0
     rateless_outdone: float = 0.25
-    undeclared_outdone: float = 0.5
+    rateless_tells: float = 4.0
+    undeclared_outdone: float = 0.7
     rateless: float = 3.0
     shaped_less: float = 0.8
     plainer: float = 1.05
@@ -165,6 +168,7 @@ class Thresholds:
             elements_outdone=1.0,
             rateless_sooner=self.floor,
             rateless_outdone=self.undeclared_outdone,
+            rateless_tells=math.inf,
         )
 
     def on_shaped(self) -> Thresholds:
