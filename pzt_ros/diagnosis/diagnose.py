@@ -45,7 +45,7 @@ from pzt_ros.parallel import IN_THIS_PROCESS, Workers, on_one_core, one_blas_thr
 from pzt_ros.physics.chain import Chain
 from pzt_ros.records import Record
 
-_SLOW_FLOOR, _SLOW_FLOOR_SHAPED = 2.0, 3.0
+_SLOW_FLOOR = 2.0
 
 
 def diagnose(
@@ -113,9 +113,8 @@ def _report(
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     has_past = chosen.final.staged.has_past  # a few reversals are off by something slow
     floor = asked.flexible_remains if has_past or chosen.density == "identified" else asked.floor
-    slow_floor = math.inf if has_past else _SLOW_FLOOR
-    if chosen.density == "shaped":  # which two numbers come near, and slowly miss in runs that they did not see
-        floor, slow_floor = asked.near_floor, max(slow_floor, _SLOW_FLOOR_SHAPED)
+    floor = asked.near_floor if chosen.density == "shaped" else floor  # two numbers come near it, and miss it slowly
+    slow_floor = math.inf if has_past or chosen.density == "shaped" else _SLOW_FLOOR
     remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, slow_floor)
     sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
     if sparse:

@@ -23,7 +23,7 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.records import Record
 from pzt_ros.sysid.predict import predict
 
-NOISE, RATE, TOP = 10e-9, 250.0, 150.0
+NOISE, RATE, TOP = 10e-9, 200.0, 150.0
 LATTICE = Lattice(
     coercive_field=7.3e5,
     coercive_field_spread=2.3e11,
