@@ -17,10 +17,13 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.poling import peaks, poled_anew, poled_start
 
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
-_FAR_LESS, _LESS = 0.14, 0.5
-"""Share of the excess that pasts may leave, or something else is what is missing; and the same where nothing was
-declared, so that a wrong past is likelier than a right start. Poled and with a creep of 20 x the noise 0.12 was left;
-never driven, of elements that slip and of plays 0.16 and 0.25, with an effect on the right structure 0.44 and more."""
+_FAR_LESS, _LESS_LATELY, _LESS = 0.1, 0.25, 0.5
+"""Share of the excess that pasts may leave, or something else is what is missing; the same of pasts that were lately;
+and where nothing was declared, so that a wrong past is likelier than a right start. Poled and with a creep of 20 x the
+noise 0.12 was left; never driven, of plays and of elements that slip 0.13 to 0.25, poled long ago, and with an effect
+on the right structure 0.44 and more."""
+
+_LATELY = 1e3  # usual legs since a stage was left, at most
 
 _FIRST_STEPS, _FEW_STEPS, _STEPS = 8, 16, 40  # of the fit, before and after it leaves less
 
@@ -48,8 +51,14 @@ def as_poled(virgin: Hypothesis, is_declared: bool = True) -> Hypothesis:
     if best.total >= virgin.total:
         return virgin
     best = fitted(best.staged, best.vector, most_steps=_STEPS)
-    most = _FAR_LESS if is_declared else _LESS
+    most = (_LESS_LATELY if _were_lately(best) else _FAR_LESS) if is_declared else _LESS
     return best if best.excess <= most * virgin.excess else virgin
+
+
+def _were_lately(found: Hypothesis) -> bool:
+    """Whether all runs that were poled were so a short while ago: what is missing elsewhere asks for years."""
+    pasts = (found.staged.ceramic.start_of(found.vector, n) for n, run in enumerate(found.staged.runs) if run.poled)
+    return all(past.approach is not None and past.approach <= _LATELY * past.leg for past in pasts)
 
 
 def hardly_moved(poled: Hypothesis) -> Hypothesis | None:
