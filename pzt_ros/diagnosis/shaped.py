@@ -12,7 +12,7 @@ from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.sysid.parameters import SHAPES
 
 _STEPS = 40
-_NEAR = 1.1  # rms over noise of a run from which shapes are sought from elsewhere, too
+_NEAR = 1.1  # rms over noise where it was fitted, from which shapes are sought from elsewhere, too
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
 _FAR_LESS = 0.1
 """Share of the excess that shapes may leave for the declared Gaussians to be wrong: a skewed or a boxy density left
@@ -33,7 +33,7 @@ def shaped(found: Hypothesis) -> Hypothesis:
     vector = np.concatenate((found.vector[:known], freed.start[known : known + len(SHAPES)], found.vector[known:]))
     free = dataclasses.replace(staged, ceramic=freed)
     other = fitted(free, vector, found.effects, _STEPS)
-    if not found.effects and max(other.ratios) > _NEAR:
+    if not found.effects and other.fit.ratio > _NEAR:
         other = min(other, fitted(free, free.start, most_steps=_STEPS), key=_total)
     return min(other, found, key=_total)
 
