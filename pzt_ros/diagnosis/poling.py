@@ -20,7 +20,7 @@ def peaks(found: Hypothesis) -> list[float]:
 
 
 def poled_start(found: Hypothesis, number: int, volts: float) -> Start:
-    """The past of a run; how long ago it was says nothing of a ceramic that knows no rate."""
+    """A run's past at a peak [V] and ten usual legs ago [s], which says nothing of a ceramic that knows no rate."""
     leg = typical_leg(found.staged.runs[number].record)
     return Start((volts,), leg, approach=None if found.staged.ceramic.knows_no_rate else _WAIT * leg)
 
