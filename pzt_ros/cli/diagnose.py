@@ -14,6 +14,7 @@ from typer.core import TyperCommand
 
 from pzt_ros.chains import load_chain
 from pzt_ros.cli.model import AsJson, _busy, _command_line, _finite, _load
+from pzt_ros.diagnosis.time_limit import SECONDS
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import dask_workers, threads
 
@@ -71,6 +72,10 @@ def diagnose(
     profile: Annotated[
         bool, typer.Option("--profile", help="95 % intervals of what was found, by refits along each parameter")
     ] = False,
+    time_limit: Annotated[
+        float,
+        typer.Option(help="seconds after which nothing new is tried, and what was found until then reported", min=0),
+    ] = SECONDS,
     as_json: AsJson = False,
 ) -> None:
     """Find the effect that a model lacks, add it, and state the error before and after.
@@ -92,7 +97,14 @@ def diagnose(
         typer.echo("warning: no --test runs: nothing is checked on data that was not fitted", err=True)
     with _busy("diagnosing") as tell, threads(jobs) if dask is None else dask_workers(dask) as pool:
         report = diagnose_runs(
-            train, tests, chain, progress=tell, command=_command_line(), workers=pool, profile=profile
+            train,
+            tests,
+            chain,
+            progress=tell,
+            command=_command_line(),
+            workers=pool,
+            profile=profile,
+            time_limit=time_limit,
         )
         tell("writing the report")
         report.save(out)

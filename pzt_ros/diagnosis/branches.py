@@ -20,6 +20,7 @@ from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import is_shaped, shaped
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.strain_laws import with_free_law
+from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
@@ -29,13 +30,15 @@ _SHAPED = 2  # effects beside which shapes are freed
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 
 
-def branches_of(bases: Bases, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+def branches_of(
+    bases: Bases, asked: Thresholds, progress: Progress, workers: Workers, limit: TimeLimit
+) -> list[Branch]:
     """The searches on every base that was worth it, the declared one first, with the names that can be trusted."""
     if isinstance(bases.declared.staged.ceramic, FlexiblePreisach):  # which was found because nothing was declared
-        search = Search(asked.on_flexible(), progress=progress, workers=workers)
-        return [_trusted(on_relays(bases.declared, search), asked)]
+        search = Search(asked.on_flexible(), progress=progress, workers=workers, limit=limit)
+        return [_trusted(on_relays(bases.declared, search), asked, limit)]
     asked = asked.on_shaped() if is_shaped(bases.declared) else asked
-    return [_trusted(branch, asked) for branch in _searched(bases, asked, progress, workers)]
+    return [_trusted(branch, asked, limit) for branch in _searched(bases, asked, progress, workers, limit)]
 
 
 def chosen_of(branches: Sequence[Branch], asked: Thresholds) -> Branch:
@@ -61,21 +64,24 @@ def _is_as_near_as_a_past(found: Hypothesis, declared: Hypothesis, asked: Thresh
     return declared.staged.has_past and max(found.ratios) < asked.near_floor
 
 
-def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Workers) -> list[Branch]:
+def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Workers, limit: TimeLimit) -> list[Branch]:
     """On the declared base and, where that leaves something, on others.
 
     Where one of those leaves far less without an effect than the declared one with its best, the declared density is
     wrong: more effects beside it would stand for what it lacks, so until then only those are tried that promise much.
-    Where the runs are one loop, effects beside the declared density say no more than another density does.
+    Where the runs are one loop, effects beside the declared density say no more than another density does. Where the
+    time is up, what was searched until then has to do.
     """
     declared = bases.declared
-    if _is_as_near_as_a_past(declared, declared, asked):
+    if _is_as_near_as_a_past(declared, declared, asked) or limit.is_over():
         return [_on_declared(declared, ())]
-    densities = Densities(bases, Search(asked.on_flexible(), progress=progress, workers=workers))
+    on_flexible = Search(asked.on_flexible(), progress=progress, workers=workers, limit=limit)
+    densities = Densities(bases, on_flexible)
     search = Search(
         asked,
         progress=progress,
         workers=workers,
+        limit=limit,
         origins=lambda: _origins(declared) if bases.is_known else iter(()),
         sooner=lambda: with_declared_kinetics(declared),
         is_lost=lambda: declared.fit.ratio > asked.in_sight and densities.leave_far_less(asked),
@@ -83,21 +89,21 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     blind = search.blind(declared)
     if not search.at_floor(declared) and any(each.takes_all for each in blind):
         return [_on_declared(declared, ()), *on_densities(densities, asked)]
-    elements = Elements(declared, Search(asked.on_elements(), EFFECTS_ON_ELEMENTS, progress, workers))
-    # they are tried sooner than effects there; in one hold they take minutes
-    if declared.fit.ratio > (asked.reachable if blind else asked.elements_sooner) and elements.tell(asked):
-        return [_on_declared(declared, ()), elements.branch]
-    if not blind and declared.fit.ratio > asked.rateless_sooner and densities.tell(asked):
-        others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
-        return [_on_declared(declared, ()), densities.on_relays, *others]
+    on_elements = dataclasses.replace(on_flexible, thresholds=asked.on_elements(), effects=EFFECTS_ON_ELEMENTS)
+    elements = Elements(declared, on_elements)
+    sooner = _sooner(declared, elements, densities, asked, bool(blind))
+    if sooner or limit.is_over():
+        return [_on_declared(declared, ()), *(sooner or (*elements.searched, *densities.searched))]
     beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_flexible()), asked)
     trial = dataclasses.replace(search, thresholds=asked.on_trial(), is_told=beside.tell_soon)
     steps = trial.run(declared)
     if beside.told is not None:
         return [_on_declared(declared, tuple(steps)), beside.told]
+    if not search.explains(steps, declared) and limit.is_over():
+        return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     better = _better(declared, steps)
-    if better is not declared:  # what it had not come down by may be all that was explained
-        return _searched(bases._replace(declared=better), asked, progress, workers)
+    if better is not declared and not limit.is_over():  # what it had not come down by may be all that was explained
+        return _searched(bases._replace(declared=better), asked, progress, workers, limit)
     if not search.explains(steps, declared) and search.is_half_told(steps):
         # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
@@ -116,6 +122,8 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     is_named_near = branch.final.effects and _is_near(branch.final, asked)
     if search.explains(steps, declared) or is_named_near or is_as_near:
         return [branch]  # no other could leave so much less that it were believed instead
+    if limit.is_over():
+        return [branch, *elements.searched, *densities.searched]
     others = elements.branches(branch.final, asked)
     if not any(other.explains(asked) for other in others):
         others += on_densities(densities, asked)
@@ -129,6 +137,22 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     if others[-1].steps:
         steps = search.with_pair(steps, declared)  # two at once takes longest: so last
     return [dataclasses.replace(branch, steps=tuple(steps)), *others]
+
+
+def _sooner(
+    declared: Hypothesis, elements: Elements, densities: Densities, asked: Thresholds, is_one_loop: bool
+) -> list[Branch]:
+    """Bases that are tried sooner than effects beside a declared one that leaves much, if one of them tells what it is.
+
+    In one hold elements take minutes; relays say nothing of one loop.
+    """
+    left = declared.fit.ratio
+    if left > (asked.reachable if is_one_loop else asked.elements_sooner) and elements.tell(asked):
+        return [elements.branch]
+    if is_one_loop or left <= asked.rateless_sooner or not densities.tell(asked):
+        return []
+    others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
+    return [densities.on_relays, *others]
 
 
 def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:
@@ -203,8 +227,10 @@ def _outdoes(other: Branch, steps: Sequence[Step], search: Search) -> bool:
     return search.is_outdone(steps, other.final if other.is_told(search.thresholds) else other.base)
 
 
-def _trusted(branch: Branch, asked: Thresholds) -> Branch:
-    """The branch without its names where too much is left beside them."""
+def _trusted(branch: Branch, asked: Thresholds, limit: TimeLimit) -> Branch:
+    """The branch without its names where too much is left beside them, or other bases were not tried that may tell."""
+    if limit.has_cut and not (branch.explains(asked) or branch.is_told(asked)):
+        return branch.without_names("the time was up before all was tried")
     if branch.may_be_named(asked):
         return branch
     left = branch.final.fit.ratio

@@ -38,6 +38,7 @@ from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.diagnosis.time_limit import SECONDS, TimeLimit
 from pzt_ros.diagnosis.undeclared import fit_base, has_powers
 from pzt_ros.diagnosis.wandering import less_wandering, size_of, wanders
 from pzt_ros.effects.table import EFFECT_OF, reported
@@ -58,6 +59,7 @@ def diagnose(
     command: str = "",
     workers: Workers | None = None,
     profile: bool = False,
+    time_limit: float = SECONDS,
 ) -> Report:
     """Find what a chain lacks to describe the train runs, choosing by half of each test run, scoring with the rest.
 
@@ -69,11 +71,12 @@ def diagnose(
         command: that asked for it, for the report.
         workers: refit candidates side by side, with the same result wherever; threads of this process where None.
         profile: find 95 % intervals of the effects' parameters, which may be lopsided, by refits along each.
+        time_limit: after which nothing new is tried, and what was found until then reported [s].
 
     Raises:
         BenchError: runs that are too short, do not move, are given twice; a chain without a ceramic.
     """
-    began = time.monotonic()
+    began, limit = time.monotonic(), TimeLimit(time_limit)
     asked = thresholds or Thresholds()
     asked = asked if chain else asked.on_undeclared()
     check_runs(train, test)
@@ -84,12 +87,14 @@ def diagnose(
     with one_blas_thread(), on_one_core(workers is IN_THIS_PROCESS), refitting as pool:
         bases = fit_base(chain, runs, asked, progress, pool)
         asked = asked.on_free_law() if chain is None and has_powers(bases.declared.staged.chain) else asked
-        branches = branches_of(bases, asked, progress, pool)
+        branches = branches_of(bases, asked, progress, pool, limit)
         chosen = chosen_of(branches, asked)
         progress("predicting")
         reached = _reached(runs, chosen, asked, command, pool)
         branches = [reached.branch if branch is chosen else branch for branch in branches]
         report = _report(runs, len(train), branches, reached, asked, command)
+    if limit.has_cut:
+        report = dataclasses.replace(report, verdict=report.verdict + _TIME.format(limit.seconds), is_cut=True)
     if profile and report.effects:
         progress(f"intervals of {', '.join(reached.final.effects)}")
         note_intervals(report, reached.final)
@@ -381,6 +386,8 @@ def _by_chance(found: Hypothesis, remains: Remains, after: Errors) -> str:
         f" {remains.times_noise:.2f} x the noise floor is left."
     )
 
+
+_TIME = " The time limit of {:.4g} s was reached before all was tried; more time may find more."
 
 _SILENT = {
     False: "Nothing is missing that these runs show",

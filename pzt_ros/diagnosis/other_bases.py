@@ -13,11 +13,9 @@ from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.table import EFFECTS
-from pzt_ros.parallel import Workers
 
 EFFECTS_ON_ELEMENTS = tuple(effect for effect in EFFECTS if effect.link is not BiasField)
 """Elements that slip know no field at which nothing is displaced, so a bias is only where a run finds them."""
@@ -45,6 +43,11 @@ class Elements:
         """The search on it, which has to be there."""
         assert self.base is not None
         return self._searched(self.base, self.search)
+
+    @property
+    def searched(self) -> list[Branch]:
+        """The searches that were asked for."""
+        return [self.branch] if "branch" in self.__dict__ else []
 
     def tell(self, asked: Thresholds) -> bool:
         """Whether they explain all, or leave far less than the declared base and are searched to near the noise."""
@@ -98,6 +101,11 @@ class Densities:
         """The fitted declared model."""
         return self.known.declared
 
+    @property
+    def searched(self) -> list[Branch]:
+        """The searches that were asked for."""
+        return [self.on_relays] if "on_relays" in self.__dict__ else []
+
     @cached_property
     def relays(self) -> Hypothesis | None:
         """Those that know no rate, without an effect; None where a run has a past."""
@@ -137,12 +145,13 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
     they leave hardly more than a lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
     """
     search, rateless = densities.search, densities.relays
-    progress, workers = search.progress, search.workers
+    found: list[Branch] = []
     if rateless is not None and search.at_floor(rateless):
         return [densities.on_relays]
+    if search.limit.is_over():
+        return found
     flexible = densities.lattice
     is_clean = flexible.fit.ratio <= asked.floor  # hardly anything is left there in which an effect could show itself
-    found: list[Branch] = []
     if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
         found = [densities.on_relays]
         if found[0].explains(asked) or found[0].is_told(search.thresholds):
@@ -151,7 +160,7 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
     foretold = _foretold(flexible, lattice) if is_clean and not search.at_floor(flexible) else None
     if foretold is not None:
         return [*found, foretold]
-    seen = _on_all_seen(flexible, asked, progress, workers)
+    seen = _on_all_seen(flexible, asked, lattice)
     if is_clean or seen.explains(asked):
         return [*found, seen]
     alone = _on_density(flexible, lattice)
@@ -189,16 +198,16 @@ def _on_density(base: Hypothesis, search: Search) -> Branch:
     return dataclasses.replace(branch, steps=tuple(search.with_pair(branch.steps, base)))
 
 
-def _on_all_seen(flexible: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Branch:
+def _on_all_seen(flexible: Hypothesis, asked: Thresholds, on_lattice: Search) -> Branch:
     """The search on a density that was fitted to what chooses, too, if it has to bend for both.
 
     A density that few runs determine takes up what an effect does there, and what chooses then shows what it is off by
     rather than the effect. Beside nothing that is missing it comes down to the noise in all that is seen.
     """
-    search = Search(asked.on_all_seen(), progress=progress, workers=workers)
-    if search.at_floor(flexible):
+    search = dataclasses.replace(on_lattice, thresholds=asked.on_all_seen())
+    if search.at_floor(flexible) or search.limit.is_over():
         return Branch("identified", flexible, ())
-    progress("identifying the density from what chooses, too")
+    search.progress("identifying the density from what chooses, too")
     seen = fitted_to_all(flexible)
     steps = [] if search.at_floor(seen) else search.run(seen)
     return Branch("identified", seen, tuple(steps), is_all_seen=True)

@@ -88,6 +88,7 @@ class Report:
         remarks: what a reader has to know beside.
         command, seconds: how and how long.
         next_drive: that of `next_experiment`, where one is needed.
+        is_cut: whether the time limit was reached before all was tried.
     """
 
     train: tuple[RunData, ...]
@@ -109,6 +110,7 @@ class Report:
     command: str = ""
     seconds: float = 0.0
     next_drive: NextExperiment | None = None
+    is_cut: bool = False
 
     @property
     def runs(self) -> tuple[RunData, ...]:
@@ -148,6 +150,7 @@ class Report:
             ],
             "command": self.command,
             "duration_s": self.seconds,
+            "time_limit_reached": self.is_cut,
         }
 
     def save(self, out: Path) -> None:

@@ -58,6 +58,8 @@ class Search(Seeker):
         last = steps[-1]
         if len(steps) < 2 or not last.accepted or any(step.tied for step in steps) or self.explains(steps, base):
             return steps
+        if self.limit.is_over():
+            return steps
         best = last.after
         for _ in range(_RENEWALS):
             former = best
@@ -70,7 +72,7 @@ class Search(Seeker):
     def _decided(self, steps: list[Step], base: Hypothesis) -> list[Step]:
         """The steps, or one more where that explains what kept the last from being decided."""
         last = steps[-1]
-        if not self.may_be_decided(last):
+        if not self.may_be_decided(last) or self.limit.is_over():
             return steps
         further = self.step(last.after)
         if not further.accepted or further.tied or not self.explains([*steps, further], base):
@@ -92,7 +94,7 @@ class Search(Seeker):
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""
-        if self.explains(steps, base):
+        if self.explains(steps, base) or self.limit.is_over():
             return [*steps]
         paired = self._pair_step(steps[-1])
         return [*steps] if paired is steps[-1] else self._weighed([*steps[:-1], paired])
@@ -104,7 +106,7 @@ class Search(Seeker):
         way in every run could stand for much that is slow.
         """
         others, explained = _without_last_drift(steps), self.explains(steps, base)
-        if explained and (len(others) == len(steps) or self.at_floor(steps[-1].after)):
+        if (explained and (len(others) == len(steps) or self.at_floor(steps[-1].after))) or self.limit.is_over():
             return [*steps]
         if others and others[-1].accepted and not others[-1].tied:
             beside = self._ending_in_chance(others, base, ())
@@ -192,7 +194,7 @@ class Search(Seeker):
         undecided = bool(last.tied) and STRAIN_LAW not in last.tied  # a law of the model is no rival of an effect
         ended = not last.accepted or undecided or len(last.after.effects) >= self.thresholds.most_effects
         out_of_reach = last.after.fit.ratio > self.thresholds.reachable
-        return not (ended or out_of_reach or self.explains(steps, base))
+        return not (ended or out_of_reach or self.explains(steps, base) or self.limit.is_over())
 
     def step(self, before: Hypothesis) -> Step:
         """One round: screen, refit, judge."""

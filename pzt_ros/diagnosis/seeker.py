@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import repeat
 
 import numpy as np
@@ -18,6 +18,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.refinement import refits, rivals_of, seen_as
 from pzt_ros.diagnosis.screen import Prospect, Screen
+from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.table import EFFECT_OF, EFFECTS
@@ -44,6 +45,7 @@ class Seeker(Judge):
             make up for it, sometimes so far that no refit finds its way back; candidates are then refitted from these.
         sooner: those of them that are tried before the base itself, which went astray.
         is_lost: whether no origin helps, for the base is wrong; asked where no effect explains half, nor do two all.
+        limit: after which what was found until then has to do.
     """
 
     effects: Sequence[Effect] = EFFECTS
@@ -52,6 +54,7 @@ class Seeker(Judge):
     origins: Callable[[], Iterable[Hypothesis]] = lambda: ()
     sooner: Callable[[], Iterable[Hypothesis]] = lambda: ()
     is_lost: Callable[[], bool] = lambda: False
+    limit: TimeLimit = field(default_factory=TimeLimit)
 
     def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
         """The best refits of each effect, and why the rest was not refitted.
@@ -75,6 +78,8 @@ class Seeker(Judge):
             # what is elsewhere led astray, or is far from runs whose pasts are not known there
             is_costly = any(place is each for each in sooner) or before.staged.has_past
             if self._is_settled(candidates) or (is_costly and self._stands_alone(candidates)):
+                break
+            if candidates and self.limit.is_over():
                 break
         names = {candidate.name for candidate in candidates}
         return candidates, {name: why for name, why in refused.items() if name not in names}
@@ -155,7 +160,7 @@ class Seeker(Judge):
         least = self.thresholds.promised * _promise(before, worth[0]) if worth else 0.0
         first = [prospect for prospect in worth if _promise(before, prospect) >= least]
         found = self._refitted(before, first)
-        if len(first) == len(worth) or any(c.share >= self.thresholds.share for c in found):
+        if len(first) == len(worth) or any(c.share >= self.thresholds.share for c in found) or self.limit.is_over():
             return found, first
         return [*found, *self._refitted(before, worth[len(first) :])], worth
 

@@ -52,6 +52,7 @@ from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.diagnosis.strain_laws import with_free_law
+from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.diagnosis.wandering import _spacing
 from pzt_ros.diagnosis.wandering import wandering as wandering_of
 from pzt_ros.effects.insert import effects_in, with_effect
@@ -553,7 +554,7 @@ def test_amounts_within_bounds_make_up_for_one_another() -> None:
 def test_a_base_that_was_fitted_to_what_chooses_too_shows_an_effect_and_nothing_where_nothing_is() -> None:
     asked = Thresholds()
     hums, silent = (
-        _on_all_seen(hypothesis(effect), asked, lambda text: None, IN_THIS_PROCESS) for effect in ("mains_hum", "none")
+        _on_all_seen(hypothesis(effect), asked, Search(workers=IN_THIS_PROCESS)) for effect in ("mains_hum", "none")
     )
     assert hums.is_all_seen
     assert hums.final.effects == ("mains_hum",)
@@ -1284,7 +1285,7 @@ def test_without_a_test_run_no_name_stands_beside_what_is_left(left: float, tied
     branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), tied, ""),))
     for tested, trusted in ((True, True), (False, named)):
         after.choosing = [1] if tested else []
-        step = _trusted(branch, Thresholds()).steps[0]
+        step = _trusted(branch, Thresholds(), TimeLimit()).steps[0]
         assert bool(step.accepted) is trusted
         assert ("without a test run" in step.verdict) is not trusted
 
@@ -1297,4 +1298,4 @@ def test_no_name_that_explains_half_beside_much_that_is_left(left: float, tied: 
         base.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False))
         found = Candidate("thermal_drift", base, misfitting(left, left))
         branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), tied, ""),))
-        assert bool(_trusted(branch, Thresholds()).steps[0].accepted) is trusted
+        assert bool(_trusted(branch, Thresholds(), TimeLimit()).steps[0].accepted) is trusted

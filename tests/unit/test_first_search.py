@@ -26,6 +26,7 @@ from pzt_ros.diagnosis.kinetics import with_declared_kinetics
 from pzt_ros.diagnosis.screen import Prospect
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS
@@ -285,7 +286,7 @@ def test_what_a_past_is_off_by_is_no_drift_by_chance(
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
-    found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert len(searched) == len(wanders) == asked
     assert len(found) == 1 + asked
 
@@ -326,7 +327,7 @@ def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
     monkeypatch.setattr(branches, "on_densities", lambda *_: [seen])
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
-    found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert found[0].final is both
     assert branches.chosen_of(found, Thresholds()) is found[0]
 
@@ -343,7 +344,7 @@ def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monke
 
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
-    (branch,) = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    (branch,) = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert branch.base is better
     assert searched == [declared]  # the better one is at the noise
 
@@ -394,7 +395,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
-    first, second = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    first, second = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert len(searched) == (0 if takes_all else 1)
     assert (first.density, second.density) == ("gaussian", "identified")
 
@@ -426,7 +427,7 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
     monkeypatch.setattr(other_bases.Elements, "branches", other("elements"))
     monkeypatch.setattr(branches, "on_densities", other("relays"))
-    found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS)
+    found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert found[0].final is named
     assert found[0].has_free_law is lawful
     assert len(others) == tried

@@ -19,6 +19,7 @@ from pzt_ros.diagnosis.candidates import Step
 from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.bouc_wen import BoucWen
 from pzt_ros.physics.link import Link
@@ -39,7 +40,7 @@ def test_no_name_beside_much_that_is_left(left: float, named: bool) -> None:
     base: Any = SimpleNamespace(staged=SimpleNamespace(ceramic=ceramic()))
     found: Any = SimpleNamespace(after=SimpleNamespace(fit=SimpleNamespace(ratio=left), choosing=[1]))
     branch = Branch("identified", base, (Step(base, (found,), {}, (found,), (), "explains 97% of the excess"),))
-    step = _trusted(branch, Thresholds()).steps[0]
+    step = _trusted(branch, Thresholds(), TimeLimit()).steps[0]
     assert bool(step.accepted) is named
     assert ("no name is to be trusted" in step.verdict) is not named
 

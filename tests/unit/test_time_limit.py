@@ -1,0 +1,87 @@
+"""A diagnosis that is out of time ends with what it has, says so, and names nothing that it could not weigh."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import pytest
+
+from pzt_benchmarks.residual_court.cases import Spec, make_case
+from pzt_benchmarks.residual_court.files import CaseFiles, write_case
+from pzt_ros.chains import load_chain
+from pzt_ros.cli import main
+from pzt_ros.diagnosis.diagnose import diagnose
+from pzt_ros.diagnosis.report import Report
+from pzt_ros.diagnosis.time_limit import TimeLimit
+from pzt_ros.parallel import IN_THIS_PROCESS
+from pzt_ros.records import read_csv
+
+CREEP = Spec("effect_right", "gaussian", ("slow_relaxation",), 5.0, "short", seed=6)
+PLAYS = Spec("effect_wrong", "play_sum", ("mains_hum",), 5.0, "short", seed=6)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CaseFiles]:
+    """Of a creep beside what was declared, and of a hum beside plays: simulated."""
+    made = {"creep": CREEP, "plays": PLAYS}
+    return {name: write_case(make_case(spec), tmp_path_factory.mktemp(name)) for name, spec in made.items()}
+
+
+def cut(case: CaseFiles, monkeypatch: pytest.MonkeyPatch, asks: int) -> tuple[Report, int]:
+    """The diagnosis whose time is up when it is asked for so many times, and how often it was."""
+    asked: list[None] = []
+
+    def is_over(limit: TimeLimit) -> bool:
+        asked.append(None)
+        limit.has_cut = len(asked) > asks
+        return limit.has_cut
+
+    monkeypatch.setattr(TimeLimit, "is_over", is_over)
+    assert case.declared is not None
+    train, test = ([read_csv(path) for path in paths] for paths in (case.train, case.test))
+    return diagnose(train, test, load_chain(case.declared), workers=IN_THIS_PROCESS), len(asked)
+
+
+@pytest.mark.parametrize(("name", "asks"), [("creep", 1), ("plays", 0), ("plays", 2)])
+def test_it_ends_wherever_its_time_is_up(
+    files: dict[str, CaseFiles], name: str, asks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, asked = cut(files[name], monkeypatch, asks)
+    truth = {"creep": "slow_relaxation", "plays": "mains_hum"}[name]
+    assert asked <= asks + 12  # whatever is on its way ends soon
+    assert report.is_cut is (asked > asks)
+    assert ("The time limit" in report.verdict) is report.is_cut
+    named = {effect.name for effect in report.effects}
+    assert named <= {truth}
+    assert report.remains.present or named  # that something is missing is said even so
+    assert report.after.test <= report.before.test
+
+
+def test_the_command_says_what_was_left_out(
+    files: dict[str, CaseFiles], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = files["creep"]
+    words = ["diagnose", *map(str, case.train), "--test", *map(str, case.test), "--model", str(case.declared)]
+    monkeypatch.setattr(sys, "argv", ["pzt", *words, "--out", str(tmp_path), "--time-limit", "0"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    assert "The time limit of 0 s was reached before all was tried" in " ".join(capsys.readouterr().out.split())
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["time_limit_reached"] is True
+    assert report["effects"] == []
+    assert report["unexplained"]["present"]
+
+
+def test_time_is_up_once_and_for_all() -> None:
+    limit, over = TimeLimit(), TimeLimit(0.0)
+    assert not limit.is_over()
+    assert not limit.has_cut
+    assert not over.has_cut  # nothing was left out yet
+    assert over.is_over()
+    over.seconds = math.inf
+    assert over.is_over()
+    assert over.has_cut
