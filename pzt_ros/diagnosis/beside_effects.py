@@ -7,18 +7,23 @@ needed there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.elimination import without
-from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
+from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
 
+Identify = Callable[[Hypothesis, Progress], Hypothesis]
+"""From a fitted model to a density in its ceramic's place."""
+
+_KINDS: tuple[Identify, ...] = (fit_rate_independent, fit_flexible)
 _IDENTIFIED = "explains {share:.0%} of the excess on a density that was identified beside it"
 
 
@@ -44,14 +49,19 @@ class BesideEffects:
             self.told = self.on_density(steps)
         return self.told is not None
 
-    def on_density(self, steps: Sequence[Step]) -> Branch | None:
-        """The same names where nothing is left beside them; None where something is, or one of them is not needed."""
+    def on_density(self, steps: Sequence[Step], kinds: Sequence[Identify] = _KINDS) -> Branch | None:
+        """The same names where nothing is left beside them; None where something is, or one of them is not needed.
+
+        Args:
+            steps: of a search.
+            kinds: of densities that are tried.
+        """
         final = steps[-1].after
         if not final.effects or any(step.tied for step in steps) or final.fit.ratio > self.asked.in_sight:
             return None
-        for identify in (fit_rate_independent, fit_flexible):
+        for identify in kinds:
             found = identify(final, self.search.progress)
-            if found is not None and max(found.ratios) <= self.asked.flexible_remains:
+            if tells_all(found, self.asked):
                 branch = self._judged(found)
                 return branch if branch is not None and branch.explains(self.asked) else None
         return None

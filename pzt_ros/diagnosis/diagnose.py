@@ -118,6 +118,8 @@ def _report(
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     has_past = chosen.final.staged.has_past  # a few reversals are off by something slow
     floor = asked.flexible_remains if has_past or chosen.density == "identified" else asked.floor
+    if has_past and chosen.base.staged.ceramic.knows_no_rate:
+        floor = asked.near_floor
     floor = asked.near_floor if chosen.density == "shaped" else floor  # two numbers come near it, and miss it slowly
     slow_floor = math.inf if has_past or chosen.density == "shaped" else _SLOW_FLOOR
     remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, slow_floor)

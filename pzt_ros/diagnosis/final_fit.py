@@ -27,7 +27,7 @@ from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.errors import BenchError
 
 _STEPS = 6
-_IDENTIFIED_BY: dict[type, Callable[[Hypothesis, Progress], Hypothesis | None]] = {
+_IDENTIFIED_BY: dict[type, Callable[[Hypothesis, Progress], Hypothesis]] = {
     FlexibleHysteresis: fit_flexible,
     FlexiblePreisach: fit_rate_independent,
 }
@@ -52,8 +52,7 @@ def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData], asked:
     best = begun
     with suppress(BenchError):  # what the effects leave of the drive or the readings may not tell a density
         best = from_elsewhere(begun, asked)
-        anew = identify(best, lambda text: None)
-        best = min((best, anew), key=lambda each: each.total) if anew else best
+        best = min((best, identify(best, lambda text: None)), key=lambda each: each.total)
     return found if best is begun else best
 
 

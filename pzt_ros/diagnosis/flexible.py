@@ -17,11 +17,15 @@ from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
+from pzt_ros.diagnosis.histories import renewed
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.hysteresis import Hysteresis
+from pzt_ros.diagnosis.less_effects import less_effects
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
@@ -31,8 +35,15 @@ from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.sysid.identified_fit import IdentifiedFit, IdentifiedResult
 from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
+from pzt_ros.sysid.run import Start, amplifier_gain, typical_leg
 
 _STEPS = 4
+_LEAST = 0.2  # of the samples that count, which have to be left
+_ROUNDS, _GAINED = 3, 0.1  # that relays and their pasts are sought in turn; until less of the excess goes
+
+Past = tuple[Start, float]
+"""Of a run, and the gain of the amplifier, which takes it to the ceramic [-]."""
+
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
 
@@ -87,32 +98,40 @@ def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
     return [seen] if seen == was_driven else [seen, was_driven]
 
 
-def less_effects(found: Hypothesis) -> list[RunData]:
-    """The runs with readings less what the effects behind the ceramic add to them, as the model has it."""
-    staged, vector, numbers = found.staged, found.vector, range(len(found.staged.runs))
-    behind = [name for name in found.effects if not staged.is_before(name)]
-    if not behind:
-        return list(staged.runs)
-    bare, vector = staged.without_all(behind, vector)
-    pairs = zip(staged.outputs(found.vector, numbers), bare.outputs(vector, numbers), strict=True)
-    return [_less(run, y - plain) for run, ((y, _), (plain, _)) in zip(staged.runs, pairs, strict=True)]
+def fit_rate_independent(model: Hypothesis, progress: Progress, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
+    """The same with the Preisach model, and pasts of its own before runs that begin driven.
 
-
-def _less(run: RunData, added: Array) -> RunData:
-    """A run with so much less displacement [m]."""
-    columns = {**run.record.columns, "displacement_m": run.record.displacement - added}
-    return replace(run, record=replace(run.record, columns=columns))
-
-
-def fit_rate_independent(model: Hypothesis, progress: Progress) -> Hypothesis | None:
-    """The same with the Preisach model; None where a run begins driven, so that it has a past."""
-    if model.staged.has_past:
-        return None
+    A density that was identified beside wrong pasts defends those. So it is identified first from the samples that no
+    past reaches, then again beside the pasts that it found.
+    """
     progress("identifying a density that knows no rate" + model.beside)
+    has_pasts = isinstance(model.staged.ceramic, FlexiblePreisach) or not model.staged.has_past
+    found = _relays(model, model if has_pasts else None, workers)
+    for _ in range(_ROUNDS if model.staged.has_past else 0):
+        again = _relays(model, found, workers)
+        gained = found.total - again.total > _GAINED * found.excess
+        found = min(found, again, key=lambda each: each.total)
+        if not gained:
+            break
+    return found
+
+
+def tells_all(found: Hypothesis, asked: Thresholds) -> bool:
+    """Whether an identified density leaves no more than it is off by, and relays no more than the pasts they found."""
+    if found.staged.has_past and found.staged.ceramic.knows_no_rate:
+        return found.fit.ratio <= asked.near_floor
+    return max(found.ratios) <= asked.flexible_remains
+
+
+def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hypothesis:
+    """The same with the pasts that are known as where their search begins; without, from samples that none reaches."""
     runs = less_effects(model)
-    known = [False] * len(runs)
+    none_unknown = [False] * len(runs)
     thickness, voltages, reached = driven(model)
-    parts = _parts(runs, voltages, known)
+    starts = [_past_of(known or model, number, known is not None) for number in range(len(runs))]
+    gain = amplifier_gain(model.staged.chain_at(model.vector))
+    parts = _parts(runs, voltages, none_unknown, [(start, gain) for start in starts])
+    parts = parts if known else ([_wiped_out(run) for run in parts[0]], [_wiped_out(run) for run in parts[1]])
     fit = IdentifiedFit(
         thickness, RESOLUTIONS, ROTATIONS, ORDERS, voltage_range=reached, base=RateIndependentHysteresis
     )
@@ -127,11 +146,31 @@ def fit_rate_independent(model: Hypothesis, progress: Progress) -> Hypothesis | 
         resolution=found.choices[0].resolution,
         initial=fit.initial,
         total=scale * base.total,
+        starts=starts,
+        gain=gain,
     )
     plays.rotation_strength, plays.smoothness_strength = found.choices[0].rotation, fit.smoothness
     plays.start[:] = found.vector[: plays.shared]
     plays.start[base.polarized] *= scale
-    return _with_law(model, plays, found, scale)
+    return renewed(_with_law(model, plays, found, scale, _STEPS if known else 0), workers)
+
+
+def _wiped_out(run: MeasuredRun) -> MeasuredRun:
+    """The run without the samples before its drive has been at both its ends: what was before acts no more after that.
+
+    As it is where few would be left.
+    """
+    both = max(int(np.argmin(run.voltage)), int(np.argmax(run.voltage)))
+    counted = run.counted & (np.arange(run.time.size) >= both)
+    return run.part(counted) if np.count_nonzero(counted) >= _LEAST * np.count_nonzero(run.counted) else run
+
+
+def _past_of(model: Hypothesis, number: int, is_known: bool) -> Start:
+    """The reversals before a run that relays know, or that begins driven; others begin in a state before all runs."""
+    run, ceramic = model.staged.runs[number], model.staged.ceramic
+    start, leg = ceramic.start_of(model.vector, number), typical_leg(run.record)
+    has_own = run.begins_driven or isinstance(ceramic, FlexiblePreisach)
+    return Start(start.prior_voltages, leg) if is_known and has_own else Start(leg=leg)
 
 
 def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float]]:
@@ -166,12 +205,14 @@ def _recorded(run: RunData) -> Array:
     return run.record.polarization
 
 
-def _with_law(model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, scale: float) -> Hypothesis:
+def _with_law(
+    model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, scale: float, steps: int = _STEPS
+) -> Hypothesis:
     """An identified ceramic, its polarization so many times as large, and its law beside the rest, fitted together."""
     linear, quadratic, cubic = (float(c) / scale**n for n, c in enumerate((*found.law, 0.0)[1:4], start=1))
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
     staged, start = beside_the_rest(model, ceramic, law, found.problem.order)
-    return exact(fitted(staged, start, model.effects, most_steps=_STEPS))
+    return exact(fitted(staged, start, model.effects, most_steps=steps))
 
 
 def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:
@@ -197,16 +238,34 @@ def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, o
 
 
 def _parts(
-    runs: Sequence[RunData], voltages: Sequence[Array], unknown: Sequence[bool]
+    runs: Sequence[RunData],
+    voltages: Sequence[Array],
+    unknown: Sequence[bool],
+    pasts: Sequence[Past] = (),
 ) -> tuple[list[MeasuredRun], list[MeasuredRun]]:
     """Runs with a part to fit, to be fitted, and those with a part that chooses, to choose.
 
     A start is free only where the run has a past. Free starts everywhere describe runs better, whatever is missing, and
     hide it; and the density beside them need not know what switches on the way up from rest.
     """
-    numbered = list(enumerate(runs))
-    measured = [_measured(run, voltages[n], unknown[n]) for n, run in numbered if FIT in run.picks]
-    return measured, [_choosing(run, voltages[n], unknown[n]) for n, run in numbered if SELECTION in run.picks]
+    pasts = pasts or [(Start(), 1.0)] * len(runs)
+    each = list(zip(runs, voltages, unknown, pasts, strict=True))
+    fitted_runs = [_after(past, _measured(run, v, free)) for run, v, free, past in each if FIT in run.picks]
+    return fitted_runs, [_after(past, _choosing(run, v, free)) for run, v, free, past in each if SELECTION in run.picks]
+
+
+def _after(past: Past, run: MeasuredRun) -> MeasuredRun:
+    """A run with its past as samples that do not count."""
+    start, gain = past
+    count = len(start.prior_voltages)
+    time = run.time[0] - start.leg * np.arange(count, 0, -1.0)
+    return replace(
+        run,
+        time=np.append(time, run.time),
+        voltage=np.append(gain * np.asarray(start.prior_voltages), run.voltage),
+        measured=np.append(np.full(count, run.measured[0]), run.measured),
+        counted=np.append(np.zeros(count, dtype=bool), run.counted),
+    )
 
 
 def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:

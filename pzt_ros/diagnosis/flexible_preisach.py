@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 
@@ -19,7 +20,14 @@ _REMEMBERED = 24  # polarizations of a run at some voltage and vector
 
 
 class FlexiblePreisach(RateIndependentHysteresis):
-    """The rate-independent density as a `hysteresis.Hysteresis`."""
+    """The rate-independent density as a `hysteresis.Hysteresis`.
+
+    Attributes:
+        starts: pasts of the runs.
+        sought_beside: effects beside which these were sought last; None where they were not.
+    """
+
+    sought_beside: tuple[str, ...] | None = None
 
     far = math.inf  # no misfit is so large that being exact does not count
     knows_no_rate = Preisach.knows_no_rate
@@ -33,8 +41,15 @@ class FlexiblePreisach(RateIndependentHysteresis):
         resolution: int,
         initial: str,
         total: float,
+        starts: Sequence[Start] = (),
+        gain: float = 1.0,
     ) -> None:
-        """As RateIndependentHysteresis, of runs that all begin in the state `initial`."""
+        """As RateIndependentHysteresis, of runs that all were in the state `initial` before their pasts.
+
+        Args:
+            starts: pasts of the runs; none had one where this is empty.
+            gain: of the amplifier, which takes these to the ceramic [-].
+        """
         known = [False] * len(times)
         super().__init__(
             times,
@@ -45,6 +60,12 @@ class FlexiblePreisach(RateIndependentHysteresis):
             initial=initial,
             total=total,
         )
+        self.gain = gain
+        self._begin(list(starts) or [Start()] * len(times))
+
+    def _begin(self, starts: Sequence[Start]) -> None:
+        self.starts = tuple(starts)
+        self.before = [self.gain * np.asarray(start.prior_voltages) for start in starts]
         self._known: Remembered[Array] = Remembered(_REMEMBERED)
 
     def polarization(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
@@ -66,8 +87,14 @@ class FlexiblePreisach(RateIndependentHysteresis):
         return self
 
     def start_of(self, vector: Array, number: int) -> Start:
-        """How a run starts: in the initial state."""
-        return Start()
+        """How a run starts."""
+        return self.starts[number]
+
+    def with_starts(self, starts: Sequence[Start]) -> FlexiblePreisach:
+        """The same with other pasts."""
+        other = copy.copy(self)
+        other._begin(starts)
+        return other
 
     def way_of(self, vector: Array, number: int) -> Array:
         """Nothing: how a run came to its start is not known."""

@@ -6,6 +6,7 @@ make up for it. So histories are sought more than once, and anew beside an effec
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from itertools import repeat
@@ -14,24 +15,31 @@ import numpy as np
 
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, exactly, fitted
+from pzt_ros.diagnosis.hysteresis import WithPasts
+from pzt_ros.diagnosis.less_effects import ceramic_alone
 from pzt_ros.diagnosis.poling import poled_anew
 from pzt_ros.diagnosis.prior_drive import with_best_amplitude
-from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array
+from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.physics.surrogate import with_quick_surrogate, with_surrogate
 from pzt_ros.sysid.history_search import first_guesses, settle
 from pzt_ros.sysid.run import Start, typical_leg
-from pzt_ros.sysid.start import CountedPart, misfit_at
+from pzt_ros.sysid.start import CountedPart, misfit_at, turning_part
 
 _CLEAN, _CLEAN_FROM_REST = 1.005, 1.1  # rms over noise of a run whose history is not asked for
 _ROUNDS, _GAINED, _TOLD = 4, 0.1, 0.04  # of histories and all else; until less of the excess, or of `total`, goes
 _WORSE = 1.02  # rms over what it was, of a run that another history may suit
 _NEARLY_CLEAN, _NEAR = 1.02, 2.0  # rms over noise between which pasts alone may be missing, and are sought thoroughly
 _STEPS = 40
-_SEARCHED = 4_000  # samples that a search for histories looks at
+_SEARCHED, _SEARCHED_RATELESS = 4_000, 1_000  # samples that a search for histories looks at
+_RATELESS = (Preisach, Electrostriction, StrainLaw)
 
 
 def with_histories(found: Hypothesis, progress: Progress, workers: Workers) -> Hypothesis:
@@ -61,25 +69,54 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
     drive before them all is sought anew where nobody knows it. Pasts that alone may be missing are sought thoroughly in
     the end.
     """
-    if not isinstance(found.staged.ceramic, DeclaredHysteresis):
+    if not isinstance(found.staged.ceramic, WithPasts):
         return found
     if not found.staged.has_past:
-        other = _beside_effects(found) if found.effects else None
-        return with_best_amplitude(found if other is None else min(other, found, key=_total))
-    found = exact(found)
+        return _renewed_from_rest(found)
+    if isinstance(found.staged.ceramic, FlexiblePreisach):
+        return _renewed_relays(found, found.staged.ceramic, workers)
+    found = _in_rounds(exact(found), workers)
+    asked = _without_their_past(found)
+    if found.effects or not asked or not _NEARLY_CLEAN < max(found.ratios) <= _NEAR:
+        return found
+    return min(found, _with_other_histories(found, asked, workers, thorough=True), key=_total)
+
+
+def _in_rounds(found: Hypothesis, workers: Workers) -> Hypothesis:
+    """With histories and all else sought in turn, until that gains little.
+
+    Of relays also of runs from rest: one reversal beyond what a run reaches is what is missing there.
+    """
+    has_relays = found.staged.ceramic.knows_no_rate
     for _ in range(_ROUNDS):
-        asked = _without_their_past(found)
+        asked = _not_clean(found) if has_relays else _without_their_past(found)
         if not asked:
-            return found
+            break
         again = _with_other_histories(found, asked, workers)
         gained = found.total - again.total > max(_GAINED * found.excess, _TOLD)
         found = min(found, again, key=_total)
         if not gained:
             break
-    asked = _without_their_past(found)
-    if found.effects or not asked or not _NEARLY_CLEAN < max(found.ratios) <= _NEAR:
+    return found
+
+
+def _renewed_relays(found: Hypothesis, relays: FlexiblePreisach, workers: Workers) -> Hypothesis:
+    """The same on relays, once beside the same effects: a few numbers for a past leave something, whatever is done."""
+    if relays.sought_beside == found.effects:
         return found
-    return min(found, _with_other_histories(found, asked, workers, thorough=True), key=_total)
+    found = _in_rounds(found, workers)
+    sought = copy.copy(found.staged.ceramic)
+    assert isinstance(sought, FlexiblePreisach)
+    sought.sought_beside = found.effects
+    return dataclasses.replace(found, staged=dataclasses.replace(found.staged, ceramic=sought))
+
+
+def _renewed_from_rest(found: Hypothesis) -> Hypothesis:
+    """The same where every run begins at rest; relays are then in the state before all runs that suits them best."""
+    if not isinstance(found.staged.ceramic, DeclaredHysteresis):
+        return found
+    other = _beside_effects(found) if found.effects else None
+    return with_best_amplitude(found if other is None else min(other, found, key=_total))
 
 
 def _with_longer_pasts(found: Hypothesis, workers: Workers) -> Hypothesis:
@@ -100,7 +137,7 @@ def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
     Which histories a search finds is partly luck, and effects are to be compared on equal terms.
     """
     ceramic, vector = other.staged.ceramic, other.vector
-    both = isinstance(ceramic, DeclaredHysteresis) and isinstance(found.staged.ceramic, DeclaredHysteresis)
+    both = isinstance(ceramic, WithPasts) and isinstance(found.staged.ceramic, WithPasts)
     if not both or not other.staged.has_past:
         return found
     starts = {number: ceramic.start_of(vector, number) for number in range(len(other.staged.runs))}
@@ -184,14 +221,14 @@ def _is_near(found: Hypothesis) -> bool:
 
 def refitted_from(found: Hypothesis, known: Mapping[int, Start], steps: int = _STEPS) -> Hypothesis:
     """Fitted with other histories of some runs, from where it is."""
-    staged, begin = found.staged, found.vector
-    ceramic = staged.ceramic
-    assert isinstance(ceramic, DeclaredHysteresis)
-    starts = [known.get(number, ceramic.start_of(begin, number)) for number in range(len(staged.runs))]
+    staged = found.staged
+    ceramic, numbers = staged.ceramic, range(len(staged.runs))
+    assert isinstance(ceramic, WithPasts)
+    starts = [known.get(number, staged.ceramic.start_of(found.vector, number)) for number in numbers]
     other = dataclasses.replace(staged, ceramic=ceramic.with_starts(starts))
-    first, last = len(ceramic.coordinates), begin.size - len(staged.coordinates)
-    histories = other.start[first : other.start.size - len(staged.coordinates)]
-    return fitted(other, np.concatenate((begin[:first], histories, begin[last:])), found.effects, steps)
+    begin = other.start
+    begin[_parameters_of(other)] = found.vector[_parameters_of(staged)]
+    return fitted(other, begin, found.effects, steps)
 
 
 def _part(run: RunData) -> CountedPart:
@@ -204,6 +241,8 @@ def _part(run: RunData) -> CountedPart:
 def _histories(
     found: Hypothesis, asked: Sequence[int], workers: Workers, thorough: bool = False, is_alone: bool = False
 ) -> dict[int, Start]:
+    if found.staged.ceramic.knows_no_rate:  # without effects it passes most samples by, and takes a twentieth
+        found = ceramic_alone(found)
     each = workers.map(_history, repeat(found), asked, repeat(thorough), repeat(is_alone))
     return dict(zip(asked, each, strict=True))
 
@@ -215,19 +254,27 @@ def _history(found: Hypothesis, number: int, thorough: bool, is_alone: bool) -> 
     chain = found.staged.chain_at(found.vector, number)
     quick = with_quick_surrogate(chain, run.record.voltage)
     bases = [*_bases(found, number), *_most_alike(found, number, quick, part)]
-    if thorough:
+    if thorough or found.staged.ceramic.knows_no_rate:
         bases = [*bases, Start(leg=typical_leg(run.record))]
     chain = chain if _is_near(found) else quick
-    return settle(chain, part, bases, _absorbed(found, number, part), run.noise, thorough, is_alone)
+    absorbed = _absorbed(found, number, part)
+    if all(isinstance(link, _RATELESS) for link in chain.links):
+        every = -(-part.picks.size // _SEARCHED_RATELESS)
+        part = turning_part(dataclasses.replace(part, picks=part.picks[::every]))
+        absorbed = None if absorbed is None else absorbed[::every]
+    return settle(chain, part, bases, absorbed, run.noise, thorough, is_alone)
 
 
 def _absorbed(found: Hypothesis, number: int, part: CountedPart) -> Array | None:
-    """What of a run is not its history's to explain: what parameters do, what wanders, what fades [shape (n, p)]."""
+    """What of a run is not its history's to explain: what parameters do, what wanders, what fades [shape (n, p)].
+
+    Hundreds of weights of relays, which may not be negative, would explain any history as columns without bounds.
+    """
     run = found.staged.runs[number]
     columns = []
-    if FIT in run.picks:
+    if FIT in run.picks and not found.staged.ceramic.knows_no_rate:
         jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
-        columns.append(run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found)])
+        columns.append(run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found.staged)])
     if run.has_nuisances:
         curves = run.nuisances(part.picks)
         columns.append(curves - curves.mean(axis=0))
@@ -258,8 +305,8 @@ def _most_alike(found: Hypothesis, number: int, chain: Chain, part: CountedPart)
     return [min(starts, key=lambda start: float(np.std(misfit_at(chain, part, start))))]
 
 
-def _parameters_of(found: Hypothesis) -> list[int]:
+def _parameters_of(staged: Staged) -> list[int]:
     """Where the vector has what is not the history of a run."""
-    places = range(found.vector.size)
-    histories = {place for number in range(len(found.staged.runs)) for place in found.staged.ceramic.places_of(number)}
+    places = range(staged.start.size)
+    histories = {place for number in range(len(staged.runs)) for place in staged.ceramic.places_of(number)}
     return [place for place in places if place not in histories]

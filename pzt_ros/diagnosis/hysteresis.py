@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
@@ -63,4 +63,13 @@ class Hysteresis(Protocol):
 
     def stiffer(self) -> list[Hysteresis]:
         """The same held by stronger priors, where it has any."""
+        ...
+
+
+@runtime_checkable
+class WithPasts(Protocol):
+    """A hysteresis whose runs may have been driven before, each as its start says."""
+
+    def with_starts(self, starts: Sequence[Start]) -> Hysteresis:
+        """The same with other pasts of the runs."""
         ...

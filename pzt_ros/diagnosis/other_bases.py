@@ -6,10 +6,11 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 
+from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.final_fit import fitted_to_all
-from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
+from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -107,14 +108,13 @@ class Densities:
         return [self.on_relays] if "on_relays" in self.__dict__ else []
 
     @cached_property
-    def relays(self) -> Hypothesis | None:
-        """Those that know no rate, without an effect; None where a run has a past."""
-        return self.known.relays or fit_rate_independent(self.declared, self.search.progress)
+    def relays(self) -> Hypothesis:
+        """Those that know no rate, without an effect."""
+        return self.known.relays or fit_rate_independent(self.declared, self.search.progress, self.search.workers)
 
     @cached_property
     def on_relays(self) -> Branch:
-        """The search on them, which have to be there."""
-        assert self.relays is not None
+        """The search on them."""
         return on_relays(self.relays, self.search)
 
     @cached_property
@@ -125,7 +125,7 @@ class Densities:
     def tell(self, asked: Thresholds) -> bool:
         """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""
         base = self.relays
-        if base is None or base.fit.ratio > asked.rateless_tells:
+        if base.fit.ratio > asked.rateless_tells:
             return False
         if base.excess > asked.rateless_outdone * self.declared.excess:
             return False
@@ -135,7 +135,7 @@ class Densities:
     def leave_far_less(self, asked: Thresholds) -> bool:
         """Whether one of them leaves so much less without an effect that the declared density is wrong."""
         most = asked.outdone * self.declared.excess
-        return (self.relays is not None and self.relays.excess < most) or self.lattice.excess < most
+        return self.relays.excess < most or self.lattice.excess < most
 
 
 def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
@@ -146,13 +146,13 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
     """
     search, rateless = densities.search, densities.relays
     found: list[Branch] = []
-    if rateless is not None and search.at_floor(rateless):
+    if search.at_floor(rateless):
         return [densities.on_relays]
     if search.limit.is_over():
         return found
     flexible = densities.lattice
     is_clean = flexible.fit.ratio <= asked.floor  # hardly anything is left there in which an effect could show itself
-    if rateless is not None and rateless.total < asked.rateless * flexible.total and not is_clean:
+    if rateless.total < asked.rateless * flexible.total and not is_clean:
         found = [densities.on_relays]
         if found[0].explains(asked) or found[0].is_told(search.thresholds):
             return found
@@ -182,8 +182,18 @@ def _foretold(flexible: Hypothesis, search: Search) -> Branch | None:
 
 
 def on_relays(relays: Hypothesis, search: Search) -> Branch:
-    """The search on relays that know no rate, where they leave anything."""
-    return Branch("identified", relays, ()) if search.at_floor(relays) else _on_density(relays, search)
+    """The search on relays that know no rate, where they leave anything.
+
+    Pasts that were sought without an effect have bent for it, and so has the density beside them: both are sought anew
+    beside what was found.
+    """
+    has_past = relays.staged.has_past
+    if search.at_floor(relays) or (has_past and tells_all(relays, search.thresholds)):
+        return Branch("identified", relays, ())
+    branch = _on_density(relays, search)
+    if not has_past or branch.explains(search.thresholds) or search.limit.is_over():
+        return branch
+    return BesideEffects(search, search.thresholds).on_density(branch.steps, (fit_rate_independent,)) or branch
 
 
 def _on_density(base: Hypothesis, search: Search) -> Branch:

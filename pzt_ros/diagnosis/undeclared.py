@@ -18,8 +18,9 @@ import numpy as np
 
 from pzt_ros.diagnosis.base import begun, fit_declared, with_pasts
 from pzt_ros.diagnosis.data import RunData, highest_voltage
-from pzt_ros.diagnosis.flexible import fit_rate_independent
+from pzt_ros.diagnosis.flexible import fit_rate_independent, tells_all
 from pzt_ros.diagnosis.from_rest import as_poled
+from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.settings import Thresholds
@@ -104,10 +105,10 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
         found = exact(found)  # it may be no more than what the front model is off by
     if max(found.ratios) <= asked.floor:
         return Bases(found)
-    relays = fit_rate_independent(found, progress)
-    if relays is not None and max(relays.ratios) <= asked.flexible_remains:
+    relays = fit_rate_independent(found, progress, workers)
+    if tells_all(relays, asked):
         return Bases(relays, relays)
-    is_rateless = relays is not None and relays.excess <= asked.rateless_outdone * found.excess
+    is_rateless = relays.excess <= asked.rateless_outdone * found.excess
     if not is_rateless and virgin.fit.ratio > asked.reachable and found.fit.ratio > asked.finishable:
         former = chain
         progress("fitting a polycrystal with other laws of strain")
@@ -118,7 +119,11 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     if domain is not None and not domain.staged.has_past:
         return Bases(domain, relays)  # what was before is the drive before all runs
     found = domain or found
-    return Bases(with_pasts(found, progress, workers) if found.staged.has_past else exact(found), relays)
+    if not found.staged.has_past:
+        return Bases(exact(found), relays)
+    found = with_histories_of(found, relays)
+    is_outdone = relays.excess <= asked.outdone * found.excess
+    return Bases(exact(found) if is_outdone else with_pasts(found, progress, workers), relays)
 
 
 def default_chain(runs: Sequence[RunData]) -> Chain:

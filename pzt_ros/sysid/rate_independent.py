@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from pzt_ros.errors import BenchError
+from pzt_ros.physics.link import State
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.sysid.identified import MARGIN, STEEPEST, asked_of, span_of
@@ -46,6 +47,7 @@ class RateIndependentHysteresis:
         initial: str = "virgin",
         total: float = 0.26,
         fine_lines: int = 0,
+        before: Sequence[Sequence[float]] = (),
     ) -> None:
         """
         Args:
@@ -57,6 +59,7 @@ class RateIndependentHysteresis:
             initial: see Preisach.
             total: sum of weights [C/m^2].
             fine_lines: has no meaning here.
+            before: voltages that each run went through before its first sample [V, each shape (k,)]; empty: none did.
 
         Raises:
             BenchError: an empty range of field, a run without samples or with an unknown start.
@@ -66,6 +69,7 @@ class RateIndependentHysteresis:
             raise BenchError("preisach: every run needs two samples and a start that is known")
         self.times, self.layer_thickness, self.total, self.initial = list(times), layer_thickness, total, initial
         self.unknown_start = list(unknown_start)
+        self.before = [np.asarray(each, dtype=float) for each in before] or [np.empty(0)] * len(self.times)
         low, high = field_range[0] - MARGIN * span, field_range[1] + MARGIN * span
         self.coercive = np.linspace(0.0, 0.5 * (high - low), resolution + 1)
         self.interaction = np.linspace(low, high, resolution + 1)
@@ -112,6 +116,7 @@ class RateIndependentHysteresis:
             raise BenchError("preisach: every run needs a start that is known")
         other = copy.copy(self)
         other.times, other.unknown_start, other.start = list(times), list(unknown_start), self.start.copy()
+        other.before = [np.empty(0)] * len(other.times)
         return other
 
     def carried(self, former: RateIndependentHysteresis, vector: Array) -> Array:
@@ -144,7 +149,7 @@ class RateIndependentHysteresis:
         """
         link, found = self.link(vector), []
         for run in asked_of(voltages):
-            _, out = link.step(link.init(self._rest(run, voltages[run])), Signals(self.times[run], voltages[run]))
+            _, out = link.step(self._begun(link, run, voltages[run]), Signals(self.times[run], voltages[run]))
             found.append(out.polarization)
         return found
 
@@ -158,7 +163,7 @@ class RateIndependentHysteresis:
         for run in asked_of(voltages):
             voltage = voltages[run]
             jacobian = np.empty((voltage.size, len(self.names)), dtype=np.float32)
-            up = link.columns(link.init(self._rest(run, voltage)), self.times[run], voltage)
+            up = link.columns(self._begun(link, run, voltage), self.times[run], voltage)
             jacobian[:, WEIGHTS:] = 2.0 * up[:, self.moved.ravel()] - 1.0
             jacobian[:, SUSCEPTIBILITY] = voltage / self.layer_thickness
             jacobians.append(jacobian)
@@ -170,9 +175,11 @@ class RateIndependentHysteresis:
         weights[self.moved] = np.maximum(vector[WEIGHTS : self.shared], 0.0)
         return weights
 
-    def _rest(self, run: int, voltage: Array) -> Rest:
-        """What a run starts from."""
-        return Rest(float(self.times[run][0]), float(voltage[0]))
+    def _begun(self, link: Preisach, run: int, voltage: Array) -> State:
+        """What a run starts from; when it went through what was before is all the same."""
+        way = np.append(self.before[run], voltage[0])
+        time = np.full(way.size, float(self.times[run][0]))
+        return link.step(link.init(Rest(time[0], float(way[0]))), Signals(time, way))[0]
 
     def regularisation(self) -> tuple[Array, Array]:
         """Rows [shape (m, p)] and targets [shape (m,)] of what is believed before the data, in units of the noise."""

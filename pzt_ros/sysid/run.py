@@ -23,7 +23,8 @@ CHUNK = 250_000
 """Samples that run through a chain at once; bounds the memory that long records take."""
 
 _AT_REST, _NOT_AN_OFFSET, _NOT_ZERO = 0.02, 0.01, 1e-3  # of the largest voltage
-_FEW = 10  # samples
+FIRST = 10
+"""Samples that say whether a run begins driven."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def begins_driven(record: Record) -> bool:
     The record then has a past. A start at 0 V that is recorded some samples late moves away from there as fast as it
     had come; one that stands where it begins, by a percent, was there before.
     """
-    early = record.voltage[:_FEW] * np.sign(record.voltage[0])
+    early = record.voltage[:FIRST] * np.sign(record.voltage[0])
     first, last = float(early[0]), float(early[-1])
     peak = float(np.max(np.abs(record.voltage)))
     falls = bool(np.all(np.diff(early) < 0.0))  # noise would not, so often in a row

@@ -12,7 +12,7 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.fading import fading_curves
-from pzt_ros.sysid.run import Span, Start, free_run
+from pzt_ros.sysid.run import FIRST, Span, Start, free_run
 from pzt_ros.sysid.run_in import fades, running_in
 
 _TOLD = 2.0  # times as long as it is seen may take what dies out
@@ -47,6 +47,20 @@ def counted_part(record: Record, span: Span, most: int, poled: bool = False) -> 
     picks = np.arange(first, after, stride)
     known = picks[~running_in(record)[picks]]
     return CountedPart(record, known if known.size else picks, after, poled)
+
+
+def turning_part(part: CountedPart) -> CountedPart:
+    """The same samples, and of the others only those at which the drive turns: a chain without a rate passes them by.
+
+    The first samples stay, too, for they say whether the run begins driven.
+    """
+    voltage = part.record.voltage[: part.end]
+    moves = np.flatnonzero(np.diff(voltage) != 0.0)
+    turns = moves[1:][np.diff(np.sign(np.diff(voltage)[moves])) != 0.0]
+    kept = np.unique(np.concatenate((np.arange(min(FIRST, part.end)), turns, part.picks)))
+    columns = {name: column[kept] for name, column in part.record.columns.items()}
+    record = replace(part.record, columns=columns)
+    return replace(part, record=record, picks=np.searchsorted(kept, part.picks), end=kept.size)
 
 
 def displacement_of(chain: Chain, part: CountedPart, start: Start) -> Array:

@@ -62,6 +62,7 @@ def leaving(*ratios: float, effects: tuple[str, ...] = (), name: str = "") -> An
         effects=effects,
         beside="",
         name=name,
+        staged=SimpleNamespace(has_past=False),
     )
 
 
@@ -485,9 +486,9 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     declared, base = leaving(3.5, 3.5), leaving(alone, alone)
     final = leaving(told, told, effects=("amplifier_bandwidth",))
     for each in (base, final):
-        each.choosing, each.staged = True, SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=True))
+        each.choosing, each.staged = True, SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=True), has_past=False)
     winner = SimpleNamespace(after=final, name="amplifier_bandwidth")
-    monkeypatch.setattr(other_bases, "fit_rate_independent", lambda declared, progress: base)
+    monkeypatch.setattr(other_bases, "fit_rate_independent", lambda *_: base)
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(base, (), {}, (winner,), (), "")])  # type: ignore[arg-type]
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
     asked = Thresholds() if declares else Thresholds().on_undeclared()
@@ -654,14 +655,13 @@ def test_a_name_is_kept_on_a_density_that_is_identified_beside_it_where_it_is_ne
     def identified(name: str, left: float) -> Any:
         return lambda found, progress: tried.append(name) or leaving(left, left, effects=found.effects)
 
-    monkeypatch.setattr(beside_effects, "fit_rate_independent", identified("relays", relays))
-    monkeypatch.setattr(beside_effects, "fit_flexible", identified("lattice", lattice))
+    kinds = identified("relays", relays), identified("lattice", lattice)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(bare, bare))
     monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: tied and name == "amplifier_bandwidth")
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
     monkeypatch.setattr(Candidate, "selection_size", 3.0)
     beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
-    monkeypatch.setattr(BesideEffects, "on_density", ON_DENSITY)
+    monkeypatch.setattr(BesideEffects, "on_density", lambda self, steps: ON_DENSITY(self, steps, kinds))
     assert beside.tell_soon([step]) is bool(ends)
     assert tried == (ends or ["relays", "lattice"])
     if ends:

@@ -60,12 +60,19 @@ def test_stronger_priors_leave_the_weaker_one_as_it_was() -> None:
     [
         (NULL, [], Preisach, "identified"),
         (dataclasses.replace(NULL, declared=False), [], Preisach, "identified"),
-        (HUM, ["mains_hum"], Preisach, "identified"),
+        (dataclasses.replace(HUM, declared=False), ["mains_hum"], Preisach, "identified"),
         (dataclasses.replace(NULL, family="bouc_wen"), [], BoucWen, "none"),
         (dataclasses.replace(HUM, family="maxwell_slip"), ["mains_hum"], BoucWen, "none"),
         (dataclasses.replace(HUM, family="maxwell_slip", declared=False), ["mains_hum"], BoucWen, "none"),
     ],
-    ids=["plays", "plays, nothing declared", "plays and hum", "one that slips", "two and hum", "two, nothing declared"],
+    ids=[
+        "plays",
+        "plays, nothing declared",
+        "plays and hum, nothing declared",
+        "one that slips",
+        "two and hum",
+        "two, nothing declared",
+    ],
 )
 def test_what_knows_no_rate_comes_down_to_the_noise(
     spec: Spec, names: list[str], link: type[Link], density: str, tmp_path: Path
