@@ -118,7 +118,7 @@ def fit_rate_independent(model: Hypothesis, progress: Progress, workers: Workers
 
 def tells_all(found: Hypothesis, asked: Thresholds) -> bool:
     """Whether an identified density leaves no more than it is off by, and relays no more than the pasts they found."""
-    if found.staged.has_past and found.staged.ceramic.knows_no_rate:
+    if found.staged.has_past and isinstance(found.staged.ceramic, FlexiblePreisach):
         return found.fit.ratio <= asked.near_floor
     return max(found.ratios) <= asked.flexible_remains
 

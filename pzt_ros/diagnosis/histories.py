@@ -87,7 +87,7 @@ def _in_rounds(found: Hypothesis, workers: Workers) -> Hypothesis:
 
     Of relays also of runs from rest: one reversal beyond what a run reaches is what is missing there.
     """
-    has_relays = found.staged.ceramic.knows_no_rate
+    has_relays = isinstance(found.staged.ceramic, FlexiblePreisach)
     for _ in range(_ROUNDS):
         asked = _not_clean(found) if has_relays else _without_their_past(found)
         if not asked:
@@ -241,7 +241,7 @@ def _part(run: RunData) -> CountedPart:
 def _histories(
     found: Hypothesis, asked: Sequence[int], workers: Workers, thorough: bool = False, is_alone: bool = False
 ) -> dict[int, Start]:
-    if found.staged.ceramic.knows_no_rate:  # without effects it passes most samples by, and takes a twentieth
+    if isinstance(found.staged.ceramic, FlexiblePreisach):  # without effects a search passes most samples by
         found = ceramic_alone(found)
     each = workers.map(_history, repeat(found), asked, repeat(thorough), repeat(is_alone))
     return dict(zip(asked, each, strict=True))
@@ -254,7 +254,7 @@ def _history(found: Hypothesis, number: int, thorough: bool, is_alone: bool) -> 
     chain = found.staged.chain_at(found.vector, number)
     quick = with_quick_surrogate(chain, run.record.voltage)
     bases = [*_bases(found, number), *_most_alike(found, number, quick, part)]
-    if thorough or found.staged.ceramic.knows_no_rate:
+    if thorough or isinstance(found.staged.ceramic, FlexiblePreisach):
         bases = [*bases, Start(leg=typical_leg(run.record))]
     chain = chain if _is_near(found) else quick
     absorbed = _absorbed(found, number, part)
@@ -272,7 +272,7 @@ def _absorbed(found: Hypothesis, number: int, part: CountedPart) -> Array | None
     """
     run = found.staged.runs[number]
     columns = []
-    if FIT in run.picks and not found.staged.ceramic.knows_no_rate:
+    if FIT in run.picks and not isinstance(found.staged.ceramic, FlexiblePreisach):
         jacobian = found.staged.jacobians(found.vector, [number], FIT)[1][0][: run.picks[FIT].size]
         columns.append(run.noise * jacobian[:: -(-run.picks[FIT].size // _SEARCHED), _parameters_of(found.staged)])
     if run.has_nuisances:
