@@ -121,9 +121,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     found = domain or found
     if not found.staged.has_past:
         return Bases(exact(found), relays)
-    found = with_histories_of(found, relays)
-    is_outdone = relays.excess <= asked.outdone * found.excess
-    return Bases(exact(found) if is_outdone else with_pasts(found, progress, workers), relays)
+    return Bases(with_pasts(with_histories_of(found, relays), progress, workers), relays)
 
 
 def default_chain(runs: Sequence[RunData]) -> Chain:
