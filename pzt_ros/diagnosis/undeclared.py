@@ -108,7 +108,8 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     relays = fit_rate_independent(found, progress, workers)
     if tells_all(relays, asked):
         return Bases(relays, relays)
-    is_rateless = relays.excess <= asked.rateless_outdone * found.excess
+    # beside pasts that nobody sought yet a polycrystal is far off, whatever the stage is
+    is_rateless = not found.staged.has_past and relays.excess <= asked.rateless_outdone * found.excess
     if not is_rateless and virgin.fit.ratio > asked.reachable and found.fit.ratio > asked.finishable:
         former = chain
         progress("fitting a polycrystal with other laws of strain")
