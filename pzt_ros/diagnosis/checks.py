@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pzt_ros.diagnosis.turning_points import turning_points
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.noise import noise_floor
+from pzt_ros.sysid.turning_points import turning_points
 
 _FEWEST = 200  # samples of a run
 _BEYOND_NOISE = 1.5  # standard deviation over noise floor; white noise alone gives 1

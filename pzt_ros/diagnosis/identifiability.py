@@ -13,8 +13,8 @@ import numpy as np
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.turning_points import turning_points
 from pzt_ros.records import Record
+from pzt_ros.sysid.turning_points import turning_points
 
 _LEVEL = 0.03  # of the span: turns at one level
 _BACK = 0.01  # of the span: way back that counts as none

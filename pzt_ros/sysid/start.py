@@ -14,6 +14,7 @@ from pzt_ros.records import Record
 from pzt_ros.sysid.fading import fading_curves
 from pzt_ros.sysid.run import FIRST, Span, Start, free_run
 from pzt_ros.sysid.run_in import fades, running_in
+from pzt_ros.sysid.turning_points import turning_points
 
 _TOLD = 2.0  # times as long as it is seen may take what dies out
 
@@ -55,9 +56,7 @@ def turning_part(part: CountedPart) -> CountedPart:
     The first samples stay, too, for they say whether the run begins driven.
     """
     voltage = part.record.voltage[: part.end]
-    moves = np.flatnonzero(np.diff(voltage) != 0.0)
-    turns = moves[1:][np.diff(np.sign(np.diff(voltage)[moves])) != 0.0]
-    kept = np.unique(np.concatenate((np.arange(min(FIRST, part.end)), turns, part.picks)))
+    kept = np.unique(np.concatenate((np.arange(min(FIRST, part.end)), turning_points(voltage, 0.0), part.picks)))
     columns = {name: column[kept] for name, column in part.record.columns.items()}
     record = replace(part.record, columns=columns)
     return replace(part, record=record, picks=np.searchsorted(kept, part.picks), end=kept.size)
