@@ -145,13 +145,13 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
     they leave hardly more than a lattice, that was bent to make up for an effect, or for the rate that it cannot lose.
     """
     search, rateless = densities.search, densities.relays
-    found: list[Branch] = []
     if search.at_floor(rateless):
         return [densities.on_relays]
     if search.limit.is_over():
-        return found
+        return densities.searched or [Branch("identified", rateless, ())]
     flexible = densities.lattice
     is_clean = flexible.fit.ratio <= asked.floor  # hardly anything is left there in which an effect could show itself
+    found: list[Branch] = []
     if rateless.total < asked.rateless * flexible.total and not is_clean:
         found = [densities.on_relays]
         if found[0].explains(asked) or found[0].is_told(search.thresholds):

@@ -6,6 +6,8 @@ import json
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -13,9 +15,14 @@ from pzt_benchmarks.residual_court.cases import Spec, make_case
 from pzt_benchmarks.residual_court.files import CaseFiles, write_case
 from pzt_ros.chains import load_chain
 from pzt_ros.cli import main
+from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.diagnose import diagnose
+from pzt_ros.diagnosis.other_bases import Densities, on_densities
 from pzt_ros.diagnosis.report import Report
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.time_limit import TimeLimit
+from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.records import read_csv
 
@@ -67,6 +74,18 @@ def test_the_command_says_what_was_left_out(
     assert report["time_limit_reached"] is True
     assert report["effects"] == []
     assert report["unexplained"]["present"]
+
+
+def test_without_time_for_a_lattice_relays_are_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing was returned where the limit was reached while elements were searched, which ended in an error."""
+    declared: Any = SimpleNamespace(ratios=[3.0, 3.0], staged=SimpleNamespace(has_past=False))
+    relays: Any = SimpleNamespace(ratios=[2.0, 2.0], staged=SimpleNamespace(has_past=False))
+    densities = Densities(Bases(declared, relays), Search(limit=TimeLimit(0.0)))
+    (branch,) = on_densities(densities, Thresholds())
+    assert branch.final is relays
+    searched = Branch("identified", relays, ())
+    vars(densities)["on_relays"] = searched  # what was searched before is kept
+    assert on_densities(densities, Thresholds()) == [searched]
 
 
 def test_time_is_up_once_and_for_all() -> None:
