@@ -19,7 +19,6 @@ from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import SCORE, RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
-from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for, taken_up
@@ -118,12 +117,8 @@ def _report(
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     has_past = chosen.final.staged.has_past  # a few reversals are off by something slow
-    floor = asked.flexible_remains if has_past or chosen.density == "identified" else asked.floor
-    if has_past and isinstance(chosen.base.staged.ceramic, FlexiblePreisach):
-        floor = asked.near_floor  # as they are judged while they are sought
-    floor = asked.near_floor if chosen.density == "shaped" else floor  # two numbers come near it, and miss it slowly
     slow_floor = math.inf if has_past or chosen.density == "shaped" else _SLOW_FLOOR
-    remains = remains_of(runs, less_wandering(chosen.final, after.residuals), floor, slow_floor)
+    remains = remains_of(runs, less_wandering(chosen.final, after.residuals), chosen.remains_floor(asked), slow_floor)
     sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
     if sparse:
         remains = dataclasses.replace(remains, present=False)

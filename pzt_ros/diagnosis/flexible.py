@@ -128,7 +128,7 @@ def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hy
     runs = less_effects(model)
     none_unknown = [False] * len(runs)
     thickness, voltages, reached = driven(model)
-    starts = [_past_of(known or model, number, known is not None) for number in range(len(runs))]
+    starts = [_past_of(run, number, known) for number, run in enumerate(runs)]
     gain = amplifier_gain(model.staged.chain_at(model.vector))
     parts = _parts(runs, voltages, none_unknown, [(start, gain) for start in starts])
     parts = parts if known else ([_wiped_out(run) for run in parts[0]], [_wiped_out(run) for run in parts[1]])
@@ -165,12 +165,12 @@ def _wiped_out(run: MeasuredRun) -> MeasuredRun:
     return run.part(counted) if np.count_nonzero(counted) >= _LEAST * np.count_nonzero(run.counted) else run
 
 
-def _past_of(model: Hypothesis, number: int, is_known: bool) -> Start:
+def _past_of(run: RunData, number: int, known: Hypothesis | None) -> Start:
     """The reversals before a run that relays know, or that begins driven; others begin in a state before all runs."""
-    run, ceramic = model.staged.runs[number], model.staged.ceramic
-    start, leg = ceramic.start_of(model.vector, number), typical_leg(run.record)
-    has_own = run.begins_driven or isinstance(ceramic, FlexiblePreisach)
-    return Start(start.prior_voltages, leg) if is_known and has_own else Start(leg=leg)
+    leg = typical_leg(run.record)
+    if known is None or not (run.begins_driven or isinstance(known.staged.ceramic, FlexiblePreisach)):
+        return Start(leg=leg)
+    return Start(known.staged.ceramic.start_of(known.vector, number).prior_voltages, leg)
 
 
 def driven(declared: Hypothesis) -> tuple[float, list[Array], tuple[float, float]]:

@@ -28,7 +28,6 @@ class FlexiblePreisach(RateIndependentHysteresis):
     """
 
     sought_beside: tuple[str, ...] | None = None
-
     far = math.inf  # no misfit is so large that being exact does not count
     knows_no_rate = Preisach.knows_no_rate
 
@@ -94,6 +93,12 @@ class FlexiblePreisach(RateIndependentHysteresis):
         """The same with other pasts."""
         other = copy.copy(self)
         other._begin(starts)
+        return other
+
+    def sought(self, beside: tuple[str, ...]) -> FlexiblePreisach:
+        """The same, its pasts marked as sought beside some effects."""
+        other = copy.copy(self)
+        other.sought_beside = beside
         return other
 
     def way_of(self, vector: Array, number: int) -> Array:

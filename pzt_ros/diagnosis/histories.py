@@ -6,7 +6,6 @@ make up for it. So histories are sought more than once, and anew beside an effec
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from itertools import repeat
@@ -105,10 +104,10 @@ def _renewed_relays(found: Hypothesis, relays: FlexiblePreisach, workers: Worker
     if relays.sought_beside == found.effects:
         return found
     found = _in_rounds(found, workers)
-    sought = copy.copy(found.staged.ceramic)
-    assert isinstance(sought, FlexiblePreisach)
-    sought.sought_beside = found.effects
-    return dataclasses.replace(found, staged=dataclasses.replace(found.staged, ceramic=sought))
+    ceramic = found.staged.ceramic
+    assert isinstance(ceramic, FlexiblePreisach)
+    staged = dataclasses.replace(found.staged, ceramic=ceramic.sought(found.effects))
+    return dataclasses.replace(found, staged=staged)
 
 
 def _renewed_from_rest(found: Hypothesis) -> Hypothesis:

@@ -33,6 +33,7 @@ class RateIndependentHysteresis:
         names: of the coordinates.
         start: first guess; may be replaced.
         lower, upper: bounds in the fit's coordinates.
+        before: voltages that each run went through before its first sample [V, each shape (k,)]; none at first.
         weight_strength, sum_strength, smoothness_strength, rotation_strength: as IdentifiedHysteresis.
     """
 
@@ -47,7 +48,6 @@ class RateIndependentHysteresis:
         initial: str = "virgin",
         total: float = 0.26,
         fine_lines: int = 0,
-        before: Sequence[Sequence[float]] = (),
     ) -> None:
         """
         Args:
@@ -59,7 +59,6 @@ class RateIndependentHysteresis:
             initial: see Preisach.
             total: sum of weights [C/m^2].
             fine_lines: has no meaning here.
-            before: voltages that each run went through before its first sample [V, each shape (k,)]; empty: none did.
 
         Raises:
             BenchError: an empty range of field, a run without samples or with an unknown start.
@@ -69,7 +68,7 @@ class RateIndependentHysteresis:
             raise BenchError("preisach: every run needs two samples and a start that is known")
         self.times, self.layer_thickness, self.total, self.initial = list(times), layer_thickness, total, initial
         self.unknown_start = list(unknown_start)
-        self.before = [np.asarray(each, dtype=float) for each in before] or [np.empty(0)] * len(self.times)
+        self.before = [np.empty(0)] * len(self.times)
         low, high = field_range[0] - MARGIN * span, field_range[1] + MARGIN * span
         self.coercive = np.linspace(0.0, 0.5 * (high - low), resolution + 1)
         self.interaction = np.linspace(low, high, resolution + 1)

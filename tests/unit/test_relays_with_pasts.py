@@ -107,9 +107,8 @@ def test_a_past_is_what_was_driven_before(relays: Hypothesis) -> None:
     span = (-0.2e6, 1.6e6)
     voltage = np.append(past, shown)
     whole = RateIndependentHysteresis([np.arange(voltage.size) / RATE], 1e-4, span, unknown_start=[False])
-    late = RateIndependentHysteresis(
-        [np.arange(shown.size) / RATE], 1e-4, span, unknown_start=[False], before=[tuple(past)]
-    )
+    late = RateIndependentHysteresis([np.arange(shown.size) / RATE], 1e-4, span, unknown_start=[False])
+    late.before = [past]
     expected, columns = whole.tangent(whole.start, [voltage])
     found, late_columns = late.tangent(late.start, [shown])
     np.testing.assert_allclose(found[0], expected[0][past.size :], atol=1e-12)
