@@ -17,9 +17,10 @@ from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
-from pzt_ros.diagnosis.histories import renewed
+from pzt_ros.diagnosis.histories import refitted_from, renewed
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.hysteresis import Hysteresis
+from pzt_ros.diagnosis.lattice_pasts import not_described, with_pasts_sought
 from pzt_ros.diagnosis.less_effects import less_effects
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress, Staged
@@ -32,17 +33,20 @@ from pzt_ros.physics.signals import Array
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_hysteresis import StrainHysteresis
 from pzt_ros.physics.strain_law import StrainLaw
-from pzt_ros.sysid.identified_fit import IdentifiedFit, IdentifiedResult
+from pzt_ros.sysid.identified_fit import Choice, IdentifiedFit, IdentifiedResult
 from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
-from pzt_ros.sysid.run import Start, amplifier_gain, typical_leg
+from pzt_ros.sysid.run import Start, amplifier_gain, drive_before, typical_leg
 
 _STEPS = 4
 _LEAST = 0.2  # of the samples that count, which have to be left
-_ROUNDS, _GAINED = 3, 0.1  # that relays and their pasts are sought in turn; until less of the excess goes
+_ROUNDS, _GAINED = 3, 0.1  # that a density and its pasts are sought in turn; until less of the excess goes
+_NEAR = 2.0  # rms over noise up to which a density that the pasts of a model suit is where a search for others begins
 
-Past = tuple[Start, float]
-"""Of a run, and the gain of the amplifier, which takes it to the ceramic [-]."""
+Past = tuple[Array, Array]
+"""Of a run: when the drive went where, over the first sample [s], and across the ceramic [V] [each shape (n,)]."""
+
+_NO_PAST = np.empty(0), np.empty(0)
 
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
@@ -51,26 +55,63 @@ RESOLUTIONS, INITIAL = (10, 18, 30), ("virgin", "down", "up")
 """Resolutions, and states before all runs, that are compared where switching has no rate."""
 
 
-def fit_flexible(model: Hypothesis, progress: Progress) -> Hypothesis:
+def fit_flexible(model: Hypothesis, progress: Progress, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
     """Fit the identified lattice and a strain law in place of a model's ceramic and its strain.
 
     How fine and smooth the density is, and of which order the law, the parts that choose say: between loops of one
-    amplitude any density and law will do. So they do whether a run from rest has a past: the declared model may have
-    made one up for what it lacks, and a start that is free hides what is missing as well as that.
+    amplitude any density and law will do. Runs from rest have the pasts of the model; where those do not describe them,
+    the density is identified from the samples that no past reaches, and others are sought beside it.
 
     Args:
         model: fitted, its ceramic declared or not; what else is in its chain stays, its effects are taken as it has
             them.
         progress: is told what is being done.
+        workers: look for pasts side by side.
     """
     progress("identifying the density" + model.beside)
+    found = _lattice(model, model)
+    if not_described(found):
+        begun = [found] if max(found.ratios) <= _NEAR else [found, _lattice(model, None)]
+        best = min((with_pasts_sought(each, workers) for each in begun), key=_total)
+        found = found if best is found else _lattice(model, _in_turn(model, best, workers))
+    return exact(fitted(found.staged, found.vector, found.effects, _STEPS))
+
+
+def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothesis:
+    """A lattice identified beside the pasts that were sought beside it, and so on, until little is gained.
+
+    A stage was never driven before one run at most, the first; a past that takes the place of that defends itself.
+    """
+    virgin = refitted_from(found, {0: Start()}, 0)
+    begun = [found] if not _has_past(found, 0) else [found, virgin]
+    found = min((_lattice(model, each, found) for each in begun), key=_total)
+    for _ in range(_ROUNDS):
+        sought = with_pasts_sought(found, workers)
+        again = _lattice(model, sought, sought) if sought is not found else found
+        gained = found.total - again.total > _GAINED * found.excess
+        found = min(found, again, key=_total)
+        if not gained or not not_described(found):
+            break
+    return found
+
+
+def _lattice(model: Hypothesis, known: Hypothesis | None, like: Hypothesis | None = None) -> Hypothesis:
+    """The same with the pasts that are known; without, from samples that none reaches.
+
+    Args:
+        model: in whose place it is fitted.
+        known: whose pasts these are.
+        like: as fine and smooth a density, and the same law, as this; where None, they are compared.
+    """
     runs = less_effects(model)
     thickness, voltages, reached = driven(model)
-    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
-    unknown, *others = _unknown_starts(model)
-    if others:
-        unknown = min((unknown, *others), key=lambda each: fit.tried(*_parts(runs, voltages, each)))
-    found = fit.fit(*_parts(runs, voltages, unknown))
+    unknown = [run.begins_driven for run in runs]
+    starts = [_past_from_rest(model, number, known) for number in range(len(runs))]
+    gain = amplifier_gain(model.staged.chain_at(model.vector))
+    parts = _parts(runs, voltages, unknown, [_driven_before(start, gain) for start in starts])
+    parts = parts if known else ([_wiped_out(run) for run in parts[0]], [_wiped_out(run) for run in parts[1]])
+    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached, is_rough=True)
+    found = (fit.only(_choice_of(like)) if like else fit).fit(*parts)
     base: Any = found.problem.base
     scale = _scale_of(found, model)
     flexible = FlexibleHysteresis(
@@ -82,20 +123,37 @@ def fit_flexible(model: Hypothesis, progress: Progress) -> Hypothesis:
         total=scale * base.total,
         fine_lines=base.driven_lines,
     )
+    flexible.starts, flexible.gain, flexible.choice = tuple(starts), gain, found.choices[0]
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
-    known = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
-    flexible.start[:known] = found.vector[:known]
+    fitted_ones = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
+    flexible.start[:fitted_ones] = found.vector[:fitted_ones]
     flexible.start[base.polarized] *= scale
     return _with_law(model, flexible, found, scale)
 
 
-def _unknown_starts(declared: Hypothesis) -> list[list[bool]]:
-    """Of which runs the start may be unknown: where the declared model has a past, and only where one was driven."""
-    runs, ceramic = declared.staged.runs, declared.staged.ceramic
-    pasts = [bool(ceramic.start_of(declared.vector, number).prior_voltages) for number in range(len(runs))]
-    was_driven = [run.begins_driven for run in runs]
-    seen = [past or known for past, known in zip(pasts, was_driven, strict=True)]
-    return [seen] if seen == was_driven else [seen, was_driven]
+def _choice_of(found: Hypothesis) -> Choice:
+    ceramic = found.staged.ceramic
+    assert isinstance(ceramic, FlexibleHysteresis)
+    assert ceramic.choice is not None
+    return ceramic.choice
+
+
+def _has_past(found: Hypothesis, number: int) -> bool:
+    return bool(found.staged.ceramic.start_of(found.vector, number).prior_voltages)
+
+
+def _total(found: Hypothesis) -> float:
+    return found.total
+
+
+def _past_from_rest(model: Hypothesis, number: int, known: Hypothesis | None) -> Start:
+    """The past of a run from rest in what is known, or in the model; of one that begins driven, nothing."""
+    run, source = model.staged.runs[number], known or model
+    past = source.staged.ceramic.start_of(source.vector, number)
+    leg = typical_leg(run.record)
+    if run.begins_driven or not past.prior_voltages:
+        return Start(leg=leg)
+    return Start(past.prior_voltages, past.leg, approach=past.approach)
 
 
 def fit_rate_independent(model: Hypothesis, progress: Progress, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
@@ -130,7 +188,7 @@ def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hy
     thickness, voltages, reached = driven(model)
     starts = [_past_of(run, number, known) for number, run in enumerate(runs)]
     gain = amplifier_gain(model.staged.chain_at(model.vector))
-    parts = _parts(runs, voltages, none_unknown, [(start, gain) for start in starts])
+    parts = _parts(runs, voltages, none_unknown, [_reversed_before(start, gain) for start in starts])
     parts = parts if known else ([_wiped_out(run) for run in parts[0]], [_wiped_out(run) for run in parts[1]])
     fit = IdentifiedFit(
         thickness, RESOLUTIONS, ROTATIONS, ORDERS, voltage_range=reached, base=RateIndependentHysteresis
@@ -152,7 +210,8 @@ def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hy
     plays.rotation_strength, plays.smoothness_strength = found.choices[0].rotation, fit.smoothness
     plays.start[:] = found.vector[: plays.shared]
     plays.start[base.polarized] *= scale
-    return renewed(_with_law(model, plays, found, scale, _STEPS if known else 0), workers)
+    begun = _with_law(model, plays, found, scale)
+    return renewed(exact(fitted(begun.staged, begun.vector, begun.effects, _STEPS if known else 0)), workers)
 
 
 def _wiped_out(run: MeasuredRun) -> MeasuredRun:
@@ -205,14 +264,12 @@ def _recorded(run: RunData) -> Array:
     return run.record.polarization
 
 
-def _with_law(
-    model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, scale: float, steps: int = _STEPS
-) -> Hypothesis:
-    """An identified ceramic, its polarization so many times as large, and its law beside the rest, fitted together."""
+def _with_law(model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, scale: float) -> Hypothesis:
+    """An identified ceramic, its polarization so many times as large, and its law beside the rest, not fitted yet."""
     linear, quadratic, cubic = (float(c) / scale**n for n, c in enumerate((*found.law, 0.0)[1:4], start=1))
     law = StrainLaw(linear=linear, quadratic=quadratic, cubic=cubic)
     staged, start = beside_the_rest(model, ceramic, law, found.problem.order)
-    return exact(fitted(staged, start, model.effects, most_steps=steps))
+    return fitted(staged, start, model.effects, most_steps=0)
 
 
 def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:
@@ -248,23 +305,34 @@ def _parts(
     A start is free only where the run has a past. Free starts everywhere describe runs better, whatever is missing, and
     hide it; and the density beside them need not know what switches on the way up from rest.
     """
-    pasts = pasts or [(Start(), 1.0)] * len(runs)
-    each = list(zip(runs, voltages, unknown, pasts, strict=True))
+    each = list(zip(runs, voltages, unknown, pasts or [_NO_PAST] * len(runs), strict=True))
     fitted_runs = [_after(past, _measured(run, v, free)) for run, v, free, past in each if FIT in run.picks]
     return fitted_runs, [_after(past, _choosing(run, v, free)) for run, v, free, past in each if SELECTION in run.picks]
 
 
+def _driven_before(start: Start, gain: float) -> Past:
+    """The drive before a run that begins at 0 V, from where it rested at first."""
+    if not start.prior_voltages:
+        return _NO_PAST
+    rest, before = drive_before(0.0, 0.0, start, gain)
+    return np.append(rest.time, before.time), np.append(rest.voltage, before.voltage)
+
+
+def _reversed_before(start: Start, gain: float) -> Past:
+    """The reversals before a run; where it rested before these, and when they were, relays do not know."""
+    count = len(start.prior_voltages)
+    return -start.leg * np.arange(count, 0, -1.0), gain * np.asarray(start.prior_voltages)
+
+
 def _after(past: Past, run: MeasuredRun) -> MeasuredRun:
     """A run with its past as samples that do not count."""
-    start, gain = past
-    count = len(start.prior_voltages)
-    time = run.time[0] - start.leg * np.arange(count, 0, -1.0)
+    time, voltage = past
     return replace(
         run,
-        time=np.append(time, run.time),
-        voltage=np.append(gain * np.asarray(start.prior_voltages), run.voltage),
-        measured=np.append(np.full(count, run.measured[0]), run.measured),
-        counted=np.append(np.zeros(count, dtype=bool), run.counted),
+        time=np.append(run.time[0] + time, run.time),
+        voltage=np.append(voltage, run.voltage),
+        measured=np.append(np.full(time.size, run.measured[0]), run.measured),
+        counted=np.append(np.zeros(time.size, dtype=bool), run.counted),
     )
 
 

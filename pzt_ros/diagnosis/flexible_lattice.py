@@ -15,9 +15,11 @@ from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
+from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.identified import SUSCEPTIBILITY, IdentifiedHysteresis
-from pzt_ros.sysid.run import Start
+from pzt_ros.sysid.identified_fit import Choice
+from pzt_ros.sysid.run import Start, drive_before
 from pzt_ros.sysid.thinning import thinned_for_both
 
 _FEWER = 0.5  # share of a run's samples from which two passes over those take as long as one over all
@@ -50,8 +52,16 @@ class FlexibleHysteresis(IdentifiedHysteresis):
     and thermal field. So once `exact_at` has taken the tangent somewhere, a copy goes along it: refits with effects
     behind the ceramic then cost no pass over the lattice, those with effects before it short ones for each new
     voltage: what that changes is found where the drive or the change of it turns, and is even between.
+
+    Attributes:
+        starts: pasts of the runs whose start is not unknown; they began in the initial state where this is empty.
+        gain: of the amplifier, which takes these to the ceramic [-].
+        choice: of resolution, prior and law, which served best.
     """
 
+    starts: tuple[Start, ...] = ()
+    gain = 1.0
+    choice: Choice | None = None
     far = math.inf  # how far the tangent is off depends on how far the search went
     knows_no_rate = False
 
@@ -118,8 +128,27 @@ class FlexibleHysteresis(IdentifiedHysteresis):
     _known: Remembered[Array]
 
     def start_of(self, vector: Array, number: int) -> Start:
-        """The occupancy that was fitted, or its own initial state."""
-        return Start(occupancy=tuple(float(share) for share in self.occupancy(vector, number)))
+        """The occupancy that was fitted, or the reversals before."""
+        if self.unknown_start[number]:
+            return Start(occupancy=tuple(float(share) for share in self.occupancy(vector, number)))
+        return self._past_of(number)
+
+    def with_starts(self, starts: Sequence[Start]) -> FlexibleHysteresis:
+        """The same with other pasts of the runs whose start is not unknown, exact nowhere yet."""
+        other = copy.copy(self)
+        other.starts, other._at = tuple(starts), None
+        return other
+
+    def _past_of(self, number: int) -> Start:
+        return self.starts[number] if self.starts else Start()
+
+    def _begun(self, link: IdentifiedLattice, vector: Array, run: int, voltages: Array) -> State:
+        """The state that a run starts from, behind its past."""
+        past = self._past_of(run)
+        if self.unknown_start[run] or not past.prior_voltages:
+            return super()._begun(link, vector, run, voltages)
+        rest, before = drive_before(float(self.times[run][0]), float(voltages[0]), past, self.gain)
+        return link.step(link.init(rest), before)[0]
 
     def way_of(self, vector: Array, number: int) -> Array:
         """Nothing: how a run came to its start is not known."""

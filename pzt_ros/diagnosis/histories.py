@@ -14,6 +14,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
+from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, exactly, fitted
 from pzt_ros.diagnosis.hysteresis import WithPasts
@@ -68,8 +69,8 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
     drive before them all is sought anew where nobody knows it. Pasts that alone may be missing are sought thoroughly in
     the end.
     """
-    if not isinstance(found.staged.ceramic, WithPasts):
-        return found
+    if not isinstance(found.staged.ceramic, WithPasts) or isinstance(found.staged.ceramic, FlexibleHysteresis):
+        return found  # those of a lattice are sought where it is identified
     if not found.staged.has_past:
         return _renewed_from_rest(found)
     if isinstance(found.staged.ceramic, FlexiblePreisach):

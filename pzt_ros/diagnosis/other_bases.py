@@ -120,7 +120,7 @@ class Densities:
     @cached_property
     def lattice(self) -> Hypothesis:
         """Domains that know a rate, without an effect."""
-        return fit_flexible(self.declared, self.search.progress)
+        return fit_flexible(self.declared, self.search.progress, self.search.workers)
 
     def tell(self, asked: Thresholds) -> bool:
         """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""

@@ -107,6 +107,20 @@ def settle(
     return with_offset(chain, part, best)
 
 
+def best_of(chain: Chain, part: CountedPart, starts: Sequence[Start], tangent: Array | None = None) -> Start:
+    """Of some histories the one that pays best where local search takes it, and the offset with it.
+
+    Args:
+        chain, part, tangent: as `settle` has them.
+        starts: from which each search begins.
+    """
+    misfit = _misfit_of(chain, part, tangent=tangent)
+    plain = [start.without_reading for start in starts]
+    refined = [_refined(misfit, each, part.record) if each.unknowns else each for each in plain]
+    best = min(refined, key=lambda each: _price(each, misfit(each)))
+    return with_offset(chain, part, _refined(misfit, best, part.record, _FINE) if best.unknowns else best)
+
+
 def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
     """A history where all counted samples like it best beside what dies out, and the offset with it.
 

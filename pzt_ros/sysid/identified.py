@@ -20,6 +20,7 @@ from pzt_ros.parallel import side_by_side
 from pzt_ros.physics import identified_lattice_kernel as kernel
 from pzt_ros.physics.identified_hats import accumulate, hat_sums, hats_of, node_count, nodes_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
+from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import ABSENT, Array, Rest
 from pzt_ros.sysid.thinning import telling_samples
 
@@ -280,8 +281,12 @@ class IdentifiedHysteresis:
         """What a run starts from."""
         return Rest(float(self.times[run][0]), float(voltages[0]), occupancy=self.occupancy(vector, run))
 
+    def _begun(self, link: IdentifiedLattice, vector: Array, run: int, voltages: Array) -> State:
+        """The state that a run starts from."""
+        return link.init(self._rest(vector, run, voltages))
+
     def _run(self, link: IdentifiedLattice, vector: Array, run: int, time: Array, voltages: Array) -> Array:
-        state = link.init(self._rest(vector, run, voltages))
+        state = self._begun(link, vector, run, voltages)
         polarization, phase_fraction = np.empty(voltages.size), np.empty(voltages.size)
         bad = kernel.run(state, link.relays, time, voltages, polarization, phase_fraction)
         _check(bad, run, time, voltages)
@@ -292,10 +297,10 @@ class IdentifiedHysteresis:
         hats, place = link.hats, self._places(run)
         starts = hats_of(link.lines, np.linspace(self.grid[0], self.grid[-1], self.occupancy_size))
         columns = jacobian[:, WEIGHTS : WEIGHTS + node_count(hats.size)]
-        polarization, rest = np.empty(voltages.size), self._rest(vector, run, voltages)
-        left = link.left_of_start(rest) if self.unknown_start[run] else ABSENT
+        polarization = np.empty(voltages.size)
+        left = link.left_of_start(self._rest(vector, run, voltages)) if self.unknown_start[run] else ABSENT
         bad = kernel.run_columns(
-            link.init(rest),
+            self._begun(link, vector, run, voltages),
             left,
             link.relays,
             self.times[run],

@@ -146,7 +146,11 @@ def prepared_drive(record: Record, start: Start, gain: float = 1.0) -> tuple[Res
 
     A run that starts at 0 V without a prior history rests there: its first step has no length.
     """
-    first_time, first_voltage = float(record.time[0]), gain * float(record.voltage[0])
+    return drive_before(float(record.time[0]), gain * float(record.voltage[0]), start, gain)
+
+
+def drive_before(first_time: float, first_voltage: float, start: Start, gain: float = 1.0) -> tuple[Rest, Signals]:
+    """The same for a run that begins at some time [s] with some voltage across the ceramic [V]."""
     nothing = Signals(time=np.empty(0), voltage=np.empty(0))
     if start.occupancy:
         return Rest(time=first_time, voltage=first_voltage, occupancy=np.array(start.occupancy)), nothing

@@ -14,6 +14,7 @@ from pzt_ros.records import Record
 from pzt_ros.sysid.fading import fading_curves
 from pzt_ros.sysid.run import FIRST, Span, Start, free_run
 from pzt_ros.sysid.run_in import fades, running_in
+from pzt_ros.sysid.thinning import thinned
 from pzt_ros.sysid.turning_points import turning_points
 
 _TOLD = 2.0  # times as long as it is seen may take what dies out
@@ -55,8 +56,18 @@ def turning_part(part: CountedPart) -> CountedPart:
 
     The first samples stay, too, for they say whether the run begins driven.
     """
-    voltage = part.record.voltage[: part.end]
-    kept = np.unique(np.concatenate((np.arange(min(FIRST, part.end)), turning_points(voltage, 0.0), part.picks)))
+    return _passing(part, turning_points(part.record.voltage[: part.end], 0.0))
+
+
+def thinned_part(part: CountedPart) -> CountedPart:
+    """The same samples, and of the others only those between which the drive goes straight."""
+    early = slice(part.end)
+    return _passing(part, thinned(part.record.time[early], part.record.voltage[early]))
+
+
+def _passing(part: CountedPart, others: NDArray[np.intp]) -> CountedPart:
+    """The samples that count, the first ones, and some others."""
+    kept = np.unique(np.concatenate((np.arange(min(FIRST, part.end)), others, part.picks)))
     columns = {name: column[kept] for name, column in part.record.columns.items()}
     record = replace(part.record, columns=columns)
     return replace(part, record=record, picks=np.searchsorted(kept, part.picks), end=kept.size)

@@ -542,17 +542,6 @@ def test_what_a_clean_density_leaves_of_other_runs_is_its_own_matter(
     assert _is_sparse(Branch(density, base, ()), Thresholds()) is is_so
 
 
-@pytest.mark.parametrize(("made_up", "driven"), [([True, False], [False, True]), ([False, True], [False, True])])
-def test_a_past_that_the_declared_model_made_up_may_be_left_out(made_up: list[bool], driven: list[bool]) -> None:
-    """A court case: a free start of the one fast run, from rest, hid the current limit that was there."""
-    pasts = [(50.0,) if each else () for each in made_up]
-    ceramic = SimpleNamespace(start_of=lambda vector, number: SimpleNamespace(prior_voltages=pasts[number]))
-    runs = [SimpleNamespace(begins_driven=each) for each in driven]
-    declared: Any = SimpleNamespace(staged=SimpleNamespace(runs=runs, ceramic=ceramic), vector=np.zeros(0))
-    either = [a or b for a, b in zip(made_up, driven, strict=True)]
-    assert flexible._unknown_starts(declared) == ([driven] if either == driven else [either, driven])
-
-
 def leaving_of(before: float, **left: float) -> list[Candidate]:
     """Effects beside a base that leaves so many times the noise, and what each leaves, where no past is unknown."""
     found = [Candidate(name, leaving(before, before), leaving(ratio, ratio)) for name, ratio in left.items()]
