@@ -6,7 +6,6 @@ import dataclasses
 from dataclasses import dataclass
 
 from pzt_ros.diagnosis.candidates import Step, share_of
-from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -51,12 +50,11 @@ class Branch:
     def remains_floor(self, asked: Thresholds) -> float:
         """Rms over noise up to which nothing remains of a run, whether it was fitted or not.
 
-        Shapes of a density, and relays that found pasts of their own, come near the noise with a few numbers.
+        Shapes of a density, and pasts that nobody recorded, come near the noise with a few numbers.
         """
-        has_past = self.final.staged.has_past
-        if self.density == "shaped" or (has_past and isinstance(self.base.staged.ceramic, FlexiblePreisach)):
+        if self.density == "shaped" or self.final.staged.has_past:
             return asked.near_floor
-        return asked.flexible_remains if has_past or self.density == "identified" else asked.floor
+        return asked.flexible_remains if self.density == "identified" else asked.floor
 
     def is_told(self, asked: Thresholds) -> bool:
         """Whether its effects tell nearly all that its base leaves."""

@@ -20,6 +20,7 @@ from pzt_ros.diagnosis.checks import check_runs
 from pzt_ros.diagnosis.data import SCORE, RunData, split
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.hindsight import is_of_pasts
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.identifiability import DENSITY, Alike, alike_by_design, stood_in_for, taken_up
 from pzt_ros.diagnosis.intervals import note_intervals, of_any_polarization
@@ -33,7 +34,7 @@ from pzt_ros.diagnosis.next_experiment import (
 )
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
-from pzt_ros.diagnosis.remarks import LAW, SPARSE, WORSE, of_model, of_readings, of_samples
+from pzt_ros.diagnosis.remarks import LAW, PAST, SPARSE, WORSE, of_model, of_readings, of_samples
 from pzt_ros.diagnosis.report import FoundEffect, Report, Tried
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -118,9 +119,12 @@ def _report(
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     has_past = chosen.final.staged.has_past  # a few reversals are off by something slow
     slow_floor = math.inf if has_past or chosen.density == "shaped" else _SLOW_FLOOR
-    remains = remains_of(runs, less_wandering(chosen.final, after.residuals), chosen.remains_floor(asked), slow_floor)
-    sparse = _is_sparse(chosen, asked) and remains.present and not remains.only_spikes
-    if sparse:
+    floors = chosen.remains_floor(asked), slow_floor
+    remains = remains_of(runs, less_wandering(chosen.final, after.residuals), *floors)
+    asks = remains.present and not remains.only_spikes
+    is_past = asks and is_of_pasts(chosen.final, runs, after.residuals, floors)
+    sparse = asks and not is_past and _is_sparse(chosen, asked)
+    if is_past or sparse:
         remains = dataclasses.replace(remains, present=False)
     effects = _found(chosen, runs, (before, after), reached.model, asked, command)
     silent = "" if effects or tied or remains.present else _SILENT[sparse]
@@ -146,6 +150,7 @@ def _report(
         remarks=(
             *reached.remarks,
             *((SPARSE,) if sparse else ()),
+            *((PAST,) if is_past else ()),
             *((LAW,) if chosen.has_free_law else ()),
             *of_model(chosen.base),
             *of_readings(chosen.final),

@@ -22,6 +22,11 @@ SPARSE = (
     "The identified density describes the train runs down to the noise, but not the test runs: it is not determined"
     " where those go. That asks for runs at more amplitudes and offsets, not for an effect."
 )
+PAST = (
+    "What test runs leave is their pasts': the first half of each told its own, and the second half shows what that is"
+    " off by. Told by whole runs, pasts leave nothing, so nothing is missing in the model. A record that begins"
+    " earlier, or a full stroke before the run, avoids that."
+)
 _WANDERS = (
     "The readings wander by chance. That is taken out of the fit, so the model is not bent by it, but it stays in every"
     " prediction: no model foretells it. A temperature recorded beside the runs would tell whether it is the room."

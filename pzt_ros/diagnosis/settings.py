@@ -86,8 +86,7 @@ class Thresholds:
         informed_share: of the excess where it was fitted, and of what a density leaves that was fitted to what chose,
             too, from which an effect is named that explains less where it was not fitted.
         worsens: rms on what scores, over that without any name, from which all names are taken back.
-        flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to, and a few
-            reversals of a past that nobody recorded.
+        flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
     fit_gain: float = 25.0
