@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import coordinate
-from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
+from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.histories import refitted_from, renewed
@@ -22,6 +22,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.lattice_pasts import not_described, with_pasts_sought
 from pzt_ros.diagnosis.less_effects import less_effects
+from pzt_ros.diagnosis.parts import driven_before, parts_of, reversed_before, wiped_out
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
@@ -34,19 +35,12 @@ from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_hysteresis import StrainHysteresis
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.sysid.identified_fit import Choice, IdentifiedFit, IdentifiedResult
-from pzt_ros.sysid.identified_problem import MeasuredRun
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
-from pzt_ros.sysid.run import Start, amplifier_gain, drive_before, typical_leg
+from pzt_ros.sysid.run import Start, amplifier_gain, typical_leg
 
 _STEPS = 4
-_LEAST = 0.2  # of the samples that count, which have to be left
-_ROUNDS, _GAINED = 3, 0.1  # that a density and its pasts are sought in turn; until less of the excess goes
+_ROUNDS, _TURNS, _GAINED = 3, 2, 0.1  # that relays, or a lattice, and pasts are sought; until less of the excess goes
 _NEAR = 2.0  # rms over noise up to which a density that the pasts of a model suit is where a search for others begins
-
-Past = tuple[Array, Array]
-"""Of a run: when the drive went where, over the first sample [s], and across the ceramic [V] [each shape (n,)]."""
-
-_NO_PAST = np.empty(0), np.empty(0)
 
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
 """Strengths of the rotation prior and orders of the strain law that are compared."""
@@ -85,7 +79,7 @@ def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothes
     virgin = refitted_from(found, {0: Start()}, 0)
     begun = [found] if not _has_past(found, 0) else [found, virgin]
     found = min((_lattice(model, each, found) for each in begun), key=_total)
-    for _ in range(_ROUNDS):
+    for _ in range(_TURNS):
         sought = with_pasts_sought(found, workers)
         again = _lattice(model, sought, sought) if sought is not found else found
         gained = found.total - again.total > _GAINED * found.excess
@@ -108,9 +102,10 @@ def _lattice(model: Hypothesis, known: Hypothesis | None, like: Hypothesis | Non
     unknown = [run.begins_driven for run in runs]
     starts = [_past_from_rest(model, number, known) for number in range(len(runs))]
     gain = amplifier_gain(model.staged.chain_at(model.vector))
-    parts = _parts(runs, voltages, unknown, [_driven_before(start, gain) for start in starts])
-    parts = parts if known else ([_wiped_out(run) for run in parts[0]], [_wiped_out(run) for run in parts[1]])
-    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached, is_rough=True)
+    pasts = [driven_before(start, gain) for start in starts] if known else []
+    parts = parts_of(runs, voltages, unknown, pasts)
+    parts = parts if known else wiped_out(parts)
+    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
     found = (fit.only(_choice_of(like)) if like else fit).fit(*parts)
     base: Any = found.problem.base
     scale = _scale_of(found, model)
@@ -188,8 +183,10 @@ def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hy
     thickness, voltages, reached = driven(model)
     starts = [_past_of(run, number, known) for number, run in enumerate(runs)]
     gain = amplifier_gain(model.staged.chain_at(model.vector))
-    parts = _parts(runs, voltages, none_unknown, [_reversed_before(start, gain) for start in starts])
-    parts = parts if known else ([_wiped_out(run) for run in parts[0]], [_wiped_out(run) for run in parts[1]])
+    pasts = [reversed_before(start, gain) for start in starts]
+    parts = (
+        parts_of(runs, voltages, none_unknown, pasts) if known else wiped_out(parts_of(runs, voltages, none_unknown))
+    )
     fit = IdentifiedFit(
         thickness, RESOLUTIONS, ROTATIONS, ORDERS, voltage_range=reached, base=RateIndependentHysteresis
     )
@@ -212,16 +209,6 @@ def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hy
     plays.start[base.polarized] *= scale
     begun = _with_law(model, plays, found, scale)
     return renewed(exact(fitted(begun.staged, begun.vector, begun.effects, _STEPS if known else 0)), workers)
-
-
-def _wiped_out(run: MeasuredRun) -> MeasuredRun:
-    """The run without the samples before its drive has been at both its ends: what was before acts no more after that.
-
-    As it is where few would be left.
-    """
-    both = max(int(np.argmin(run.voltage)), int(np.argmax(run.voltage)))
-    counted = run.counted & (np.arange(run.time.size) >= both)
-    return run.part(counted) if np.count_nonzero(counted) >= _LEAST * np.count_nonzero(run.counted) else run
 
 
 def _past_of(run: RunData, number: int, known: Hypothesis | None) -> Start:
@@ -292,64 +279,6 @@ def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, o
     if kept:
         start[-len(kept) :] = [value for _, value in kept]
     return staged, start
-
-
-def _parts(
-    runs: Sequence[RunData],
-    voltages: Sequence[Array],
-    unknown: Sequence[bool],
-    pasts: Sequence[Past] = (),
-) -> tuple[list[MeasuredRun], list[MeasuredRun]]:
-    """Runs with a part to fit, to be fitted, and those with a part that chooses, to choose.
-
-    A start is free only where the run has a past. Free starts everywhere describe runs better, whatever is missing, and
-    hide it; and the density beside them need not know what switches on the way up from rest.
-    """
-    each = list(zip(runs, voltages, unknown, pasts or [_NO_PAST] * len(runs), strict=True))
-    fitted_runs = [_after(past, _measured(run, v, free)) for run, v, free, past in each if FIT in run.picks]
-    return fitted_runs, [_after(past, _choosing(run, v, free)) for run, v, free, past in each if SELECTION in run.picks]
-
-
-def _driven_before(start: Start, gain: float) -> Past:
-    """The drive before a run that begins at 0 V, from where it rested at first."""
-    if not start.prior_voltages:
-        return _NO_PAST
-    rest, before = drive_before(0.0, 0.0, start, gain)
-    return np.append(rest.time, before.time), np.append(rest.voltage, before.voltage)
-
-
-def _reversed_before(start: Start, gain: float) -> Past:
-    """The reversals before a run; where it rested before these, and when they were, relays do not know."""
-    count = len(start.prior_voltages)
-    return -start.leg * np.arange(count, 0, -1.0), gain * np.asarray(start.prior_voltages)
-
-
-def _after(past: Past, run: MeasuredRun) -> MeasuredRun:
-    """A run with its past as samples that do not count."""
-    time, voltage = past
-    return replace(
-        run,
-        time=np.append(run.time[0] + time, run.time),
-        voltage=np.append(voltage, run.voltage),
-        measured=np.append(np.full(time.size, run.measured[0]), run.measured),
-        counted=np.append(np.zeros(time.size, dtype=bool), run.counted),
-    )
-
-
-def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
-    record = run.record
-    return MeasuredRun(record.time, voltage, record.displacement, run.noise, run.clear, unknown)
-
-
-def _choosing(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
-    """A test run as far as its part that chooses goes."""
-    record, picks = run.record, run.picks[SELECTION]
-    early = slice(int(picks[-1]) + 1)
-    counted = np.zeros(len(record), dtype=bool)
-    counted[picks] = True
-    return MeasuredRun(
-        record.time[early], voltage[early], record.displacement[early], run.noise, counted[early], unknown
-    )
 
 
 def _instead(link: Link, ceramic: Link, law: StrainLaw) -> tuple[Link, ...]:

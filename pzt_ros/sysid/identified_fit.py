@@ -109,7 +109,6 @@ class IdentifiedFit:
         fine_lines: of the fine lattice over what is driven, during the search and at most at the end.
         voltage_range: that the density has to cover [V]; None: what the runs reach.
         base: what is identified, the lattice or another.
-        is_rough: leave it at thinned runs, as where starts are still sought.
         progress: is told what is being done and the residual over noise.
     """
 
@@ -125,7 +124,6 @@ class IdentifiedFit:
     fine_lines: tuple[int, int] = (80, 200)
     voltage_range: tuple[float, float] | None = None
     base: Callable[..., IdentifiedBase] = IdentifiedHysteresis
-    is_rough: bool = False
     progress: Callable[[str, float], None] = lambda what, error: None
 
     def only(self, choice: Choice) -> IdentifiedFit:
@@ -180,7 +178,7 @@ class IdentifiedFit:
         steps, lines = comparison.steps, self.fine_lines[0]
         lines = min(max(lines, math.ceil(problem.base.finest(vector))), self.fine_lines[1])
         stages = (([_thinned(run) for run in runs], "thinned runs", _MOST_STEPS), (runs, "all samples", _LAST_STEPS))
-        for counted, what, most_steps in stages[: 1 if self.is_rough else 2]:
+        for counted, what, most_steps in stages:
             former, problem = problem, self._problem(counted, choice, lines)
             begin = problem.with_law_of(vector, former, vector)
             solution = self._solved(problem, begin, f"resolution {choice.resolution}, {what}", most_steps)

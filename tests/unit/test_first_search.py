@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import beside_effects, branches, flexible, judge, other_bases, refinement, seeker
+from pzt_ros.diagnosis import beside_effects, branches, judge, other_bases, refinement, seeker
 from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.beside_effects import BesideEffects

@@ -10,11 +10,12 @@ import pytest
 
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.data import RunData, split
-from pzt_ros.diagnosis.flexible import _wiped_out, fit_rate_independent
+from pzt_ros.diagnosis.flexible import fit_rate_independent
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.histories import renewed
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.less_effects import ceramic_alone
+from pzt_ros.diagnosis.parts import wiped_out
 from pzt_ros.diagnosis.undeclared import default_chain
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.insert import with_effect
@@ -132,11 +133,11 @@ def test_samples_that_no_past_reaches_come_after_both_ends() -> None:
     record = run(0, 1)
     counted = np.ones(len(record), dtype=bool)
     whole = MeasuredRun(record.time, record.voltage, record.displacement, NOISE, counted, False)
-    late = _wiped_out(whole)
+    late = wiped_out(([whole], []))[0][0]
     first = int(np.argmax(late.counted))
     assert first == max(int(np.argmin(record.voltage)), int(np.argmax(record.voltage)))
     early = whole.part(np.arange(counted.size) < first)
-    assert _wiped_out(early.part(early.counted)).counted.any()  # few would be left: it stays as it is
+    assert wiped_out(([], [early.part(early.counted)]))[1][0].counted.any()  # few would be left: it stays as it is
 
 
 @pytest.mark.parametrize("link", [ThermalDrift(rate=30e-9), BiasField(bias_voltage=4.0)])
