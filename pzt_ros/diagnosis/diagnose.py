@@ -91,7 +91,7 @@ def diagnose(
         branches = branches_of(bases, asked, progress, pool, limit)
         chosen = chosen_of(branches, asked)
         progress("predicting")
-        reached = _reached(runs, chosen, asked, command, pool)
+        reached = _reached(runs, chosen, asked, command, pool, limit)
         branches = [reached.branch if branch is chosen else branch for branch in branches]
         report = _report(runs, len(train), branches, reached, asked, command)
     if limit.has_cut:
@@ -126,7 +126,7 @@ def _report(
     sparse = asks and not is_past and _is_sparse(chosen, asked)
     if is_past or sparse:
         remains = dataclasses.replace(remains, present=False)
-    effects = _found(chosen, runs, (before, after), reached.model, asked, command)
+    effects = _found(reached, runs, asked, command)
     silent = "" if effects or tied or remains.present else _SILENT[sparse]
     if silent and not sparse:
         tied = taken_up(blind)
@@ -165,7 +165,11 @@ def _report(
 
 
 class _Reached(NamedTuple):
-    """Where a diagnosis ends: the names that hold, the last fit, chains without and with them, and their errors."""
+    """Where a diagnosis ends: the names that hold, the last fit, chains without and with them, and their errors.
+
+    Attributes:
+        anew: whether there was time to identify a density anew beside names.
+    """
 
     branch: Branch
     final: Hypothesis
@@ -174,37 +178,43 @@ class _Reached(NamedTuple):
     before: Errors
     after: Errors
     remarks: tuple[str, ...]
+    anew: bool
 
 
-def _reached(runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers) -> _Reached:
+def _reached(
+    runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers, limit: TimeLimit
+) -> _Reached:
     """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go.
 
     A straight drift does not go before it was tried as readings that wander.
     """
     ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
-    fits = list(workers.map(_last_fit, ends, repeat(chosen.density), repeat(runs), repeat(asked)))
+    anew = not limit.is_over()
+    fits = list(workers.map(_last_fit, ends, repeat(chosen.density), repeat(runs), repeat(asked), repeat(anew)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
     tested = any(SCORE in run.picks for run in runs)
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
-        return _Reached(chosen, fits[-1], baseline, model, before, after, ())
+        return _Reached(chosen, fits[-1], baseline, model, before, after, (), anew)
     if not any(run.wander for run in chosen.final.staged.runs):  # a drift foretells wrongly what goes its own way
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
         if steps:
-            return _reached(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers)
+            return _reached(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers, limit)
     remark = WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
-    return _Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,))
+    return _Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,), anew)
 
 
-def _last_fit(found: Hypothesis, density: str, runs: Sequence[RunData], asked: Thresholds) -> Hypothesis:
-    """As it is written down, fitted to all that may be seen where that changes it, its density identified anew.
+def _last_fit(
+    found: Hypothesis, density: str, runs: Sequence[RunData], asked: Thresholds, anew: bool = True
+) -> Hypothesis:
+    """As it is written down, fitted to all that may be seen where that changes it, its density identified anew or not.
 
     Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
     """
-    found = identified_beside_effects(found, runs, asked)
+    found = identified_beside_effects(found, runs, asked) if anew else found
     return fitted_to_all(found) if density == "identified" or found.staged.given else found
 
 
@@ -225,29 +235,22 @@ def _base_as_data(chosen: Branch) -> dict[str, Any]:
     return {"model": chosen.base.staged.ceramic.link(chosen.base.staged.ceramic.start).kind, "density": chosen.density}
 
 
-def _found(
-    chosen: Branch,
-    runs: Sequence[RunData],
-    errors: tuple[Errors, Errors],
-    model: Chain,
-    asked: Thresholds,
-    command: str,
-) -> tuple[FoundEffect, ...]:
+def _found(reached: _Reached, runs: Sequence[RunData], asked: Thresholds, command: str) -> tuple[FoundEffect, ...]:
     """The effects that stand alone, each with the error before and after it was added, and as the model has them."""
-    before, after = errors
+    chosen, former = reached.branch, reached.before
     added = [candidate for step in chosen.steps if not step.tied for candidate in step.accepted]
-    final = model.notes["fit"]["parameters"]
-    found, reached = [], before
+    final = reached.model.notes["fit"]["parameters"]
+    found = []
     for candidate in added:
-        last = candidate.after is chosen.final
-        if last:
-            now = after
+        if candidate.after is chosen.final:
+            now = reached.after
         else:
-            now = errors_of(model_of(_last_fit(candidate.after, chosen.density, runs, asked), "step", command), runs)
+            last = _last_fit(candidate.after, chosen.density, runs, asked, reached.anew)
+            now = errors_of(model_of(last, "step", command), runs)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
         place = EFFECT_OF[candidate.cause].place
-        found.append(FoundEffect(candidate.cause, place, reached.test, now.test, own, _probability(candidate, chosen)))
-        reached = now
+        found.append(FoundEffect(candidate.cause, place, former.test, now.test, own, _probability(candidate, chosen)))
+        former = now
     return tuple(found)
 
 

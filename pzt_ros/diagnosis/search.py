@@ -201,7 +201,7 @@ class Search(Seeker):
         further = self._further_promise(before) if before.effects else 0.0
         most = min(before.total - further * before.excess, before.total_at(self.thresholds.hopeless))
         candidates, refused = self._from_anywhere(before, most)
-        candidates = polished(candidates, self.thresholds, self.workers)
+        candidates = candidates if self.limit.is_over() else polished(candidates, self.thresholds, self.workers)
         sound = [c for c in candidates if self.is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))

@@ -183,6 +183,8 @@ class Seeker(Judge):
         afters = self._from_the_best(before, prospects, begun)
         tried = [(prospect, after) for prospect, after in zip(prospects, afters, strict=True) if after]
         found = [Candidate(prospect.effect.name, seen_as(before, prospect), after) for prospect, after in tried]
+        if self.limit.is_over():
+            return found
         rivals = [rival for rival in rivals_of(found) if self.is_worth_finishing(rival)]
         better = dict(zip(rivals, self._finished([candidate.after for candidate in rivals]), strict=True))
         return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
