@@ -19,7 +19,7 @@ from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.less_effects import ceramic_alone
 from pzt_ros.diagnosis.poling import peaks, poled_start
 from pzt_ros.parallel import Workers
-from pzt_ros.sysid.history_search import best_of, first_guesses
+from pzt_ros.sysid.history_search import best_of
 from pzt_ros.sysid.run import Start
 from pzt_ros.sysid.start import CountedPart, thinned_part
 
@@ -53,7 +53,7 @@ def _past_of(found: Hypothesis, number: int) -> Start:
     curves = run.nuisances(picks) if run.has_nuisances else np.empty((picks.size, 0))
     here = found.staged.ceramic.start_of(found.vector, number)
     poled = [poled_start(found, number, peak) for peak in peaks(found)]
-    return best_of(chain, part, list(dict.fromkeys([here, *first_guesses(chain, part), *poled])), curves)
+    return best_of(chain, part, [here, *poled], curves)
 
 
 def _telling(run: RunData) -> NDArray[np.intp]:

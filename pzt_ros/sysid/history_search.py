@@ -18,7 +18,10 @@ import numpy as np
 from scipy import optimize
 
 from pzt_ros.physics.chain import Chain
+from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.signals import Array
+from pzt_ros.physics.strain import Electrostriction
+from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.physics.surrogate import with_quick_surrogate
 from pzt_ros.records import Record
 from pzt_ros.sysid.covariance import effective_samples
@@ -32,7 +35,7 @@ from pzt_ros.sysid.history_shares import (
     with_shares,
 )
 from pzt_ros.sysid.run import Start, begins_driven, rms, typical_leg
-from pzt_ros.sysid.start import CountedPart, displacement_of, dying_out, with_offset
+from pzt_ros.sysid.start import CountedPart, displacement_of, dying_out, thinned_part, with_offset
 
 _LONGEST, _LONGEST_FROM_REST = 8, 2
 """Prior reversals at most of a run that begins driven: inside minor loops it takes one to four to come down to the
@@ -48,6 +51,8 @@ Misfit = Callable[[Start], Array]
 _ROOM = 0.02  # from the bounds of shares, where a search begins
 _CYCLES, _AT_END = 20, 0.03  # of the drive from one end to the other, and how near is there, of its span
 _FEWEST = 100  # samples to search by
+_FEW = 1_000  # samples that are compared where a chain has no surrogate
+_NEED_NOT_EVERY_SAMPLE = (IdentifiedLattice, Electrostriction, StrainLaw)
 _LEVELS, _MORE_LEVELS = 9, 13
 _GUESSED_LEVELS = 5
 _APPROACHES = 0.1, 10.0, 100.0, 1e3  # usual legs: what a search begins with
@@ -94,11 +99,13 @@ def settle(
         thorough: look further beyond the run's range, too, with more of a grid.
         is_alone: nothing else is missing, so a run from rest may have had as long a past as one that begins driven.
     """
-    misfits = _Misfits(chain, part, tangent)
     begins = [base.without_reading for base in bases] or [Start(leg=typical_leg(part.record))]
     low, high = voltage_bounds(part.record)
     if low == high:  # nothing was driven, so no reversal could be told from another
         return with_offset(chain, part, begins[0])
+    if _passes_by(chain) and not begins_driven(part.record):
+        return best_of(chain, part, begins, tangent)
+    misfits = _Misfits(chain, part, tangent)
     shares = np.linspace(*WIDE, _MORE_LEVELS + 2) if thorough else np.linspace(*USUAL, _LEVELS + 2)
     levels = voltages_at(part.record, shares[1:-1])
     longest = _LONGEST if is_alone or begins_driven(part.record) else _LONGEST_FROM_REST
@@ -108,17 +115,22 @@ def settle(
 
 
 def best_of(chain: Chain, part: CountedPart, starts: Sequence[Start], tangent: Array | None = None) -> Start:
-    """Of some histories the one that pays best where local search takes it, and the offset with it.
+    """Of some histories, and of a grid, the one that pays best where local search takes it, and the offset with it.
+
+    For a lattice, whose histories would take a minute to grow one reversal after the other.
 
     Args:
         chain, part, tangent: as `settle` has them.
-        starts: from which each search begins.
+        starts: from which searches begin, too.
     """
+    whole, (part, tangent) = part, _fewer(chain, part, tangent)
     misfit = _misfit_of(chain, part, tangent=tangent)
-    plain = [start.without_reading for start in starts]
-    refined = [_refined(misfit, each, part.record) if each.unknowns else each for each in plain]
+    leg = typical_leg(part.record)
+    grid = [each for count in range(1, _GUESSED + 1) for each in _best_of_grid(misfit, part.record, count, leg)]
+    begins = dict.fromkeys([*(start.without_reading for start in starts), Start(leg=leg), *grid])
+    refined = [_refined(misfit, each, part.record) if each.unknowns else each for each in begins]
     best = min(refined, key=lambda each: _price(each, misfit(each)))
-    return with_offset(chain, part, _refined(misfit, best, part.record, _FINE) if best.unknowns else best)
+    return with_offset(chain, whole, _refined(misfit, best, part.record, _FINE) if best.unknowns else best)
 
 
 def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
@@ -129,8 +141,9 @@ def at_its_best(chain: Chain, part: CountedPart, start: Start) -> Start:
     """
     if not start.unknowns:
         return with_offset(chain, part, start)
-    misfit = _misfit_of(chain, part, tangent=dying_out(chain, part))
-    return with_offset(chain, part, _refined(misfit, start.without_reading, part.record, _FINE))
+    fewer, tangent = _fewer(chain, part, dying_out(chain, part))
+    misfit = _misfit_of(chain, fewer, tangent=tangent)
+    return with_offset(chain, part, _refined(misfit, start.without_reading, fewer.record, _FINE))
 
 
 def at_its_best_with(
@@ -191,6 +204,22 @@ def pays(before: Array, after: Array, unknowns: int) -> bool:
     if ssr_after <= 0.0 or ssr_before <= 0.0:
         return ssr_after < ssr_before
     return effective_samples(after) * math.log(ssr_before / ssr_after) > PRICE * unknowns
+
+
+def _fewer(chain: Chain, part: CountedPart, tangent: Array | None) -> tuple[CountedPart, Array | None]:
+    """Some of the samples, all others passed by between which the drive goes straight, for what has no surrogate.
+
+    A lattice takes as long for a sample however little happens, and what is behind it here knows no time.
+    """
+    if not _passes_by(chain):
+        return part, tangent
+    every = -(-part.picks.size // _FEW)
+    fewer = thinned_part(replace(part, picks=part.picks[::every]))
+    return fewer, None if tangent is None else tangent[::every]
+
+
+def _passes_by(chain: Chain) -> bool:
+    return all(isinstance(link, _NEED_NOT_EVERY_SAMPLE) for link in chain.links)
 
 
 class _Misfits:

@@ -61,8 +61,9 @@ def turning_part(part: CountedPart) -> CountedPart:
 
 def thinned_part(part: CountedPart) -> CountedPart:
     """The same samples, and of the others only those between which the drive goes straight."""
-    early = slice(part.end)
-    return _passing(part, thinned(part.record.time[early], part.record.voltage[early]))
+    early, voltage = slice(part.end), part.record.voltage
+    ends = np.array([np.argmin(voltage), np.argmax(voltage)])  # by which bounds of reversals go
+    return _passing(part, np.append(thinned(part.record.time[early], voltage[early]), ends))
 
 
 def _passing(part: CountedPart, others: NDArray[np.intp]) -> CountedPart:
@@ -70,7 +71,9 @@ def _passing(part: CountedPart, others: NDArray[np.intp]) -> CountedPart:
     kept = np.unique(np.concatenate((np.arange(min(FIRST, part.end)), others, part.picks)))
     columns = {name: column[kept] for name, column in part.record.columns.items()}
     record = replace(part.record, columns=columns)
-    return replace(part, record=record, picks=np.searchsorted(kept, part.picks), end=kept.size)
+    return replace(
+        part, record=record, picks=np.searchsorted(kept, part.picks), end=int(np.searchsorted(kept, part.end))
+    )
 
 
 def displacement_of(chain: Chain, part: CountedPart, start: Start) -> Array:

@@ -15,6 +15,7 @@ from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.histories import refitted_from, renewed
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.lattice_pasts import not_described, with_pasts_sought
+from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.undeclared import default_chain
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.chain import Chain
@@ -23,6 +24,8 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.records import Record
+from pzt_ros.sysid.history_shares import voltage_bounds
+from pzt_ros.sysid.predict import predict
 from pzt_ros.sysid.run import Start
 from pzt_ros.sysid.start import CountedPart, displacement_of, thinned_part
 
@@ -150,3 +153,19 @@ def test_samples_between_which_the_drive_goes_straight_are_passed(records: list[
     whole, passed = (displacement_of(chain, each, past) for each in (part, fewer))
     assert np.ptp(whole) > 1e-6
     np.testing.assert_allclose(passed, whole, atol=1e-9)
+
+
+def test_reversals_are_sought_as_far_as_the_whole_run_goes(records: list[Record]) -> None:
+    """A run whose first second is looked at was taken to go no farther than in that: 165 x the noise was left."""
+    early = CountedPart(records[1], np.arange(0, 80, 2), 80)
+    fewer = thinned_part(early)
+    assert fewer.end < len(fewer.record)
+    assert voltage_bounds(fewer.record) == voltage_bounds(records[1])
+    past = Start(BETWEEN, 1.0)
+    chain = Chain("lattice", (IdentifiedLattice(), StrainLaw(quadratic=200e-6)), {})
+    np.testing.assert_allclose(displacement_of(chain, fewer, past), displacement_of(chain, early, past), atol=1e-9)
+
+
+def test_a_run_that_no_fit_saw_is_predicted(found: Hypothesis, records: list[Record]) -> None:
+    chain = model_of(found, "model", "")
+    assert predict(chain, records[2]).rms < 2.5 * NOISE
