@@ -37,14 +37,15 @@ from pzt_ros.diagnosis.elimination import (
     second_alone,
 )
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
-from pzt_ros.diagnosis.flexible import _parts, less_effects
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.informed import informed
+from pzt_ros.diagnosis.less_effects import less_effects
 from pzt_ros.diagnosis.other_bases import _on_all_seen
 from pzt_ros.diagnosis.page import write_page
+from pzt_ros.diagnosis.parts import parts_of
 from pzt_ros.diagnosis.refinement import detailed, off_bounds, refits
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Prospect, Screen, _at_bound, _bounded
@@ -1006,7 +1007,7 @@ def test_page_tells_what_a_density_may_stand_in_for(null: Report, tmp_path: Path
 def test_starts_are_free_only_where_a_run_has_a_past(past: list[bool]) -> None:
     """Court cases: free starts hid what was missing, and runs from rest were predicted 0.2 to 8 um off."""
     runs = hypothesis().staged.runs
-    parts = _parts(runs, [each.record.voltage for each in runs], past)
+    parts = parts_of(runs, [each.record.voltage for each in runs], past)
     seen = [run.unknown_start for part in parts for run in part]
     expected = [past[n] for part in (FIT, SELECTION) for n, run in enumerate(runs) if part in run.picks]
     assert seen == expected
