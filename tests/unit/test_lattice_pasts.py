@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pzt_ros.diagnosis import flexible
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.flexible import fit_flexible
@@ -82,7 +83,9 @@ def model(records: list[Record]) -> Hypothesis:
 
 @pytest.fixture(scope="module")
 def found(model: Hypothesis) -> Hypothesis:
-    return fit_flexible(model, lambda text: None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flexible, "ROTATIONS", (1.0,))  # others take time, and change nothing here
+        return fit_flexible(model, lambda text: None)
 
 
 def test_density_and_pasts_are_found_together(model: Hypothesis, found: Hypothesis) -> None:
