@@ -163,7 +163,7 @@ def fit_rate_independent(model: Hypothesis, progress: Progress, workers: Workers
     for _ in range(_ROUNDS if model.staged.has_past else 0):
         again = _relays(model, found, workers)
         gained = found.total - again.total > _GAINED * found.excess
-        found = min(found, again, key=lambda each: each.total)
+        found = min(found, again, key=_total)
         if not gained:
             break
     return found
@@ -183,10 +183,9 @@ def _relays(model: Hypothesis, known: Hypothesis | None, workers: Workers) -> Hy
     thickness, voltages, reached = driven(model)
     starts = [_past_of(run, number, known) for number, run in enumerate(runs)]
     gain = amplifier_gain(model.staged.chain_at(model.vector))
-    pasts = [reversed_before(start, gain) for start in starts]
-    parts = (
-        parts_of(runs, voltages, none_unknown, pasts) if known else wiped_out(parts_of(runs, voltages, none_unknown))
-    )
+    pasts = [reversed_before(start, gain) for start in starts] if known else []
+    parts = parts_of(runs, voltages, none_unknown, pasts)
+    parts = parts if known else wiped_out(parts)
     fit = IdentifiedFit(
         thickness, RESOLUTIONS, ROTATIONS, ORDERS, voltage_range=reached, base=RateIndependentHysteresis
     )

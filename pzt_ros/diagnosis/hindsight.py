@@ -22,7 +22,7 @@ def is_of_pasts(
 
     A past that the first half tells badly goes on in the second, where it looks like something missing: of an
     examiner's null inside minor loops 1.1 x the noise was left where pasts were told and 2.3 x where not, and 1.12 x of
-    that run in hindsight. Nothing but pasts moves.
+    that run in hindsight. Only what belongs to a test run alone moves.
 
     Args:
         found: the end of a diagnosis.

@@ -1,8 +1,8 @@
 """Pasts of runs from rest beside a lattice: a few reversals, where a free occupancy is dozens of unknowns a run.
 
 An occupancy explains whatever a run begins with, and what is missing as well as that; the density beside it is hardly
-determined. With the reversals that the stage went through in fact, 27 weights told a run that 91 occupancies a run had
-left at 25 x the noise.
+determined. Beside the reversals of a declared fit the same lattice left 1.8 x the noise of a run that it had left at
+25 x with 91 occupancies a run.
 """
 
 from __future__ import annotations
