@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 from pzt_ros.diagnosis.candidates import Step, share_of
@@ -55,6 +56,11 @@ class Branch:
         if self.density == "shaped" or self.final.staged.has_past:
             return asked.near_floor
         return asked.flexible_remains if self.density == "identified" else asked.floor
+
+    def slow_floor(self, asked: Thresholds) -> float:
+        """The same of slow means; of anything where a few numbers, which are off by something slow, stand for much."""
+        few = self.density == "shaped" or self.final.staged.has_past
+        return math.inf if few else asked.slow_remains
 
     def is_told(self, asked: Thresholds) -> bool:
         """Whether its effects tell nearly all that its base leaves."""

@@ -86,6 +86,7 @@ class Thresholds:
         informed_share: of the excess where it was fitted, and of what a density leaves that was fitted to what chose,
             too, from which an effect is named that explains less where it was not fitted.
         worsens: rms on what scores, over that without any name, from which all names are taken back.
+        slow_remains: slow means over what the noise leaves of them from which something is left.
         flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
@@ -148,6 +149,7 @@ class Thresholds:
     flexible_size: float = 0.4
     informed_share: float = math.inf
     worsens: float = 1.02
+    slow_remains: float = 2.0
     flexible_remains: float = 1.10
     flexible_hopeless: float = 8.0
     flexible_told_apart: float = 0.1

@@ -29,7 +29,6 @@ from pzt_ros.diagnosis.branches import _trusted, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, slow_curves, split
-from pzt_ros.diagnosis.diagnose import _tried
 from pzt_ros.diagnosis.elimination import (
     hysteresis_in_question,
     is_law_as_good,
@@ -39,6 +38,7 @@ from pzt_ros.diagnosis.elimination import (
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import displacement_floors
+from pzt_ros.diagnosis.found import tried_candidates
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.informed import informed
@@ -207,8 +207,9 @@ def creeping() -> Report:
 
 def test_intervals_are_those_of_the_last_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """They were those of the fit before: that may have parameters which the model does not have any more."""
+    reached = importlib.import_module("pzt_ros.diagnosis.reached")
     module = importlib.import_module("pzt_ros.diagnosis.diagnose")
-    last_fit = module._last_fit
+    last_fit = reached.last_fit
     fits: list[Hypothesis] = []
     asked: list[Hypothesis] = []
 
@@ -216,7 +217,7 @@ def test_intervals_are_those_of_the_last_fit(monkeypatch: pytest.MonkeyPatch) ->
         fits.append(dataclasses.replace(last_fit(*given)))
         return fits[-1]
 
-    monkeypatch.setattr(module, "_last_fit", fitted_for_the_last_time)
+    monkeypatch.setattr(reached, "last_fit", fitted_for_the_last_time)
     monkeypatch.setattr(module, "note_intervals", lambda report, final: asked.append(final))
     diagnose([run(1, "mains_hum")], [run(3, "mains_hum")], declared(), workers=IN_THIS_PROCESS, profile=True)
     assert len(asked) == 1
@@ -560,7 +561,7 @@ def test_a_base_that_was_fitted_to_what_chooses_too_shows_an_effect_and_nothing_
     assert hums.final.effects == ("mains_hum",)
     assert not hums.base.choosing
     assert hums.explains(asked)
-    hum = next(each for each in _tried([hums]) if each.accepted)
+    hum = next(each for each in tried_candidates([hums]) if each.accepted)
     assert hum.fit_share > 0.95
     assert "of the excess where it was fitted; explains" in hum.why
     assert silent.steps == ()

@@ -15,7 +15,6 @@ from scipy import signal
 
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis.data import split
-from pzt_ros.diagnosis.diagnose import _next_experiment
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.next_experiment import (
     DESIGNS,
@@ -35,6 +34,7 @@ from pzt_ros.diagnosis.outcome import Errors
 from pzt_ros.diagnosis.programme import Programme
 from pzt_ros.diagnosis.remains import Remains
 from pzt_ros.diagnosis.report import Report
+from pzt_ros.diagnosis.what_next import what_next
 from pzt_ros.effects.confounded import CONFOUNDED
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.table import EFFECT_OF
@@ -226,7 +226,7 @@ def report(tied: tuple[tuple[str, ...], ...], present: bool, sparse: bool = Fals
     run = split(with_floors([sine_run(10.0, 120.0, 5.0)]), [])
     errors = Errors(1e-8, 1e-8, 1e-8, 1e-8, 0.01, (0.0, 1.0), ())
     remains = Remains(1e-8, 1.2, 1.4, present, "something")
-    why, design = _next_experiment((), tied, remains, sparse, ())
+    why, design = what_next((), tied, remains, sparse, ())
     drive = designed(design, Bench.of([run[0].record]), why) if design else None
     chain = load_chain("thesis-p1")
     text = f"{why} {drive.sentence}" if drive else why

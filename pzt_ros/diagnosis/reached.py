@@ -1,0 +1,75 @@
+"""Where a diagnosis ends: the last fits, the models that are written down, and the errors that they make."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from itertools import repeat
+from typing import NamedTuple
+
+from pzt_ros.diagnosis.branch import Branch
+from pzt_ros.diagnosis.data import SCORE, RunData
+from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
+from pzt_ros.diagnosis.remarks import WORSE
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.time_limit import TimeLimit
+from pzt_ros.diagnosis.wandering import less_wandering
+from pzt_ros.parallel import Workers
+from pzt_ros.physics.chain import Chain
+
+
+class Reached(NamedTuple):
+    """Where a diagnosis ends: the names that hold, the last fit, chains without and with them, and their errors.
+
+    Attributes:
+        anew: whether there was time to identify a density anew beside names.
+    """
+
+    branch: Branch
+    final: Hypothesis
+    baseline: Chain
+    model: Chain
+    before: Errors
+    after: Errors
+    remarks: tuple[str, ...]
+    anew: bool
+
+
+def reached_of(
+    runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers, limit: TimeLimit
+) -> Reached:
+    """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go.
+
+    A straight drift does not go before it was tried as readings that wander.
+    """
+    ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
+    anew = not limit.is_over()
+    fits = list(workers.map(last_fit, ends, repeat(chosen.density), repeat(runs), repeat(asked), repeat(anew)))
+    baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
+    errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
+    before, after = errors[0], errors[-1]
+    tested = any(SCORE in run.picks for run in runs)
+    foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
+    if not tested or foretold[1] <= asked.worsens * foretold[0]:
+        return Reached(chosen, fits[-1], baseline, model, before, after, (), anew)
+    if not any(run.wander for run in chosen.final.staged.runs):  # a drift foretells wrongly what goes its own way
+        steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
+        if steps:
+            return reached_of(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers, limit)
+    remark = WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
+    nameless = chosen.without_names("it makes the prediction of what scores worse")
+    return Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,), anew)
+
+
+def last_fit(
+    found: Hypothesis, density: str, runs: Sequence[RunData], asked: Thresholds, anew: bool = True
+) -> Hypothesis:
+    """As it is written down, fitted to all that may be seen where that changes it, its density identified anew or not.
+
+    Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
+    """
+    found = identified_beside_effects(found, runs, asked) if anew else found
+    return fitted_to_all(found) if density == "identified" or found.staged.given else found
