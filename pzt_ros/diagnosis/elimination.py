@@ -42,10 +42,14 @@ def second_alone(steps: list[Step], asked: Thresholds) -> list[Step]:
 
 
 def is_law_as_good(bare: Hypothesis, curved: Hypothesis, asked: Thresholds) -> bool:
-    """Whether a free strain law leaves hardly more than a sensor's curve does; `bare` is the model without either."""
+    """Whether a free strain law leaves hardly more than a sensor's curve does; `bare` is the model without either.
+
+    A law that ends a power below the true one does not come to the floor that the curve, which has five more, comes to.
+    """
     law = with_free_law(bare)
     left = bare if law is None else taken_on(law, asked)  # a law that is free already has no power to add
-    return left.total - curved.total <= asked.law_tie
+    gained = bare.total - curved.total
+    return left.total - curved.total <= max(asked.law_tie, asked.law_share * gained)
 
 
 def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:

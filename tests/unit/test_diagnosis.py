@@ -21,7 +21,7 @@ import pytest
 from scipy import interpolate, optimize, signal
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import Report, diagnose, final_fit
+from pzt_ros.diagnosis import Report, diagnose, elimination, final_fit
 from pzt_ros.diagnosis import search as search_of_effects
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.branch import Branch
@@ -506,6 +506,17 @@ def test_a_curve_that_takes_little_from_a_free_law_is_as_likely_one_of_its_power
     assert not is_law_as_good(freed, near, asked)
     assert is_law_as_good(freed, near, asked.on_flexible())
     assert not is_law_as_good(freed, far, asked.on_flexible())
+
+
+@pytest.mark.parametrize(("law_leaves", "is_as_good"), [(2.2, True), (3.0, False)])
+def test_a_law_that_does_what_a_curve_does_may_end_a_power_below_the_true_one(
+    monkeypatch: pytest.MonkeyPatch, law_leaves: float, is_as_good: bool
+) -> None:
+    """A court null of a law with a fourth power: of 14 x up to the third left 0.25 more, and a curve was named."""
+    bare, law, curved = (cast(Hypothesis, SimpleNamespace(total=total)) for total in (14.0, law_leaves, 2.0))
+    monkeypatch.setattr(elimination, "with_free_law", lambda found: law)
+    monkeypatch.setattr(elimination, "taken_on", lambda found, asked: found)
+    assert is_law_as_good(bare, curved, Thresholds()) is is_as_good
 
 
 def test_a_curve_bends_about_the_middle_of_where_the_model_goes() -> None:
@@ -1083,6 +1094,20 @@ def test_limits_are_sought_whatever_their_grid_promises(monkeypatch: pytest.Monk
     monkeypatch.setattr(Search, "_refitted", lambda *_: [])
     Search(Thresholds(refits=0, promise=math.inf)).step(hypothesis())
     assert sorted(sought) == ["amplifier_charge_limit", "amplifier_current_limit"]
+
+
+def test_where_no_second_promises_enough_the_best_is_tried_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An examiner's creep and current limit: far from the noise a screen promised 9 x of what came to 2 x."""
+    tried: list[str] = []
+    monkeypatch.setattr(
+        Search, "_refitted", lambda self, before, given: tried.extend(p.effect.name for p in given) or []
+    )
+    base, effects = hypothesis("slow_relaxation"), [EFFECT_OF[name] for name in ("mains_hum", "slow_relaxation")]
+    search = Search(effects=effects)
+    search._candidates(base, base, most=0.0)
+    assert tried == []
+    search._candidates(base, base, most=0.0, most_alone=base.total)
+    assert tried == ["slow_relaxation"]
 
 
 def test_what_no_run_tells_leaves_the_base_its_directions_in_the_screen() -> None:
