@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.branch import Branch
-from pzt_ros.diagnosis.candidates import Step
+from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
+from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
-from pzt_ros.diagnosis.from_rest import hardly_moved
+from pzt_ros.diagnosis.from_rest import hardly_moved, poled_beside
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
@@ -26,6 +27,7 @@ from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
+_PAIR = 2
 _SHAPED = 2  # effects beside which shapes are freed
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 
@@ -108,6 +110,9 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
         paired = search.with_pair([undecided], declared)
+        poled = None if search.explains(paired, declared) else _on_poled(paired, search)
+        if poled is not None:
+            return [poled]
         steps = paired if search.explains(paired, declared) else steps
     freer = _on_free_law(declared, steps, search) or _on_free_shape(declared, steps, search)
     if freer is not None:
@@ -160,6 +165,27 @@ def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:
         return Branch("shaped", declared, steps)
     is_many = any(isinstance(link, Polycrystal) for link in declared.staged.chain.links)
     return Branch("gaussian" if is_many else "none", declared, steps)
+
+
+def _on_poled(steps: Sequence[Step], search: Search) -> Branch | None:
+    """Two names beside runs from rest that were poled before, where they tell nearly all there and each is needed."""
+    found = steps[-1].after
+    beside = poled_beside(found) if len(steps[-1].accepted) == _PAIR else None
+    if beside is None or beside.excess > search.thresholds.outdone * found.excess:
+        return None
+    search.progress("refitting without " + ", ".join(beside.effects))
+    first, second = beside.effects
+    without_second, without_first = without(beside, second), without(beside, first)
+    base = without(without_second, first) if without_second else None
+    if without_first is None or without_second is None or base is None:
+        return None
+    needed = Candidate(first, without_first, beside), Candidate(second, without_second, beside)
+    if not all(search.is_significant(each) and search.is_needed(each) for each in needed):
+        return None
+    pair = Candidate(first, base, without_second), needed[1]
+    verdict = f"explains {share_of(base, beside):.0%} of the excess together, poled before"
+    branch = _on_declared(base, (Step(base, pair, {}, pair, (), verdict),))
+    return branch if branch.is_told(search.thresholds) else None
 
 
 def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:

@@ -119,12 +119,13 @@ class Seeker(Judge):
                 yield fitted(replace(found.staged, ceramic=origin.staged.ceramic), vector, found.effects, 0)
 
     def _candidates(
-        self, before: Hypothesis, seen_from: Hypothesis, most: float = math.inf
+        self, before: Hypothesis, seen_from: Hypothesis, most: float = math.inf, most_alone: float = 0.0
     ) -> tuple[tuple[Candidate, ...], dict[str, str]]:
         """Effects refitted beside what is in a hypothesis, from where another promises most; why the rest was not.
 
         Those that promise to leave more than `most` of the mean square are not refitted, unless they are seen from
-        where the base was not fitted to its end: there less has to be promised.
+        where the base was not fitted to its end: there less has to be promised. Where none promises so much, the best
+        is, if it promises to leave no more than `most_alone`.
         """
         self.progress(f"screening {len(self.effects)} effects" + before.beside)
         screen = Screen(seen_from)
@@ -143,7 +144,8 @@ class Seeker(Judge):
             zip((p.effect.name for p in sought), side_by_side(screen.refined, sought, _AT_ONCE), strict=True)
         )
         prospects = sorted((refined.get(p.effect.name, p) for p in prospects), key=_left)
-        worth = _one_of_alike(there, [p for p in prospects if self._is_worth(there, p) and p.total <= most])
+        worth = _one_of_alike(there, [p for p in prospects if self._is_worth(there, p)])
+        worth = [p for p in worth if p.total <= most] or [p for p in worth[:1] if p.total <= most_alone]
         causes = list(dict.fromkeys(p.effect.reported for p in worth))[: self.thresholds.refits]
         found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes])
         for prospect in prospects:

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from scipy.signal import fftconvolve
 
-from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.base import begun, fit_declared
 from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.diagnose import diagnose
 from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.from_rest import poled_beside
 from pzt_ros.diagnosis.report import Report
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.lattice import Lattice
@@ -118,6 +121,19 @@ def test_an_effect_that_the_base_had_to_bend_for_is_named_alone(
     assert [effect.name for effect in report.effects] == [name]
     assert not report.remains.present
     assert predict(report.model, unseen).rms < most * NOISE  # of a logarithm five lags say less beyond what they saw
+
+
+def test_effects_that_hid_it_show_that_runs_from_rest_were_poled() -> None:
+    """An examiner's creep and current limit: virgin, as the base had it, 2.0 x the noise was left beside both."""
+    *runs, test = with_floors(session((POLED, POLED, POLED), same, crept))
+    virgin = begun(DECLARED, split(runs, [test]))
+    beside = Search(effects=(EFFECT_OF["slow_relaxation"],))._candidates(virgin, virgin)[0][0].after
+    poled = poled_beside(beside)
+    assert poled is not None
+    assert poled.excess < 0.25 * beside.excess
+    assert all(poled.staged.ceramic.start_of(poled.vector, number).prior_voltages for number in range(3))
+    assert poled_beside(poled) is None  # that is known now
+    assert poled_beside(virgin) is None  # without an effect that was asked before
 
 
 def test_a_run_that_was_left_within_minor_loops_has_a_past_of_its_own() -> None:
