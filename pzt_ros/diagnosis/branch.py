@@ -10,6 +10,7 @@ from pzt_ros.diagnosis.candidates import Step, share_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.effects.table import EFFECT_OF
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,16 @@ class Branch:
         """Whether its effects tell nearly all that its base leaves."""
         return bool(self.final.effects) and share_of(self.base, self.final) > asked.whole
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether all it names has a frequency of its own, so that what is left says nothing against it."""
+        effects, is_tied = self.final.effects, any(step.tied for step in self.steps)
+        return bool(effects) and not is_tied and all(EFFECT_OF[name].has_own_frequency for name in effects)
+
     def may_be_named(self, asked: Thresholds) -> bool:
         """Whether what is left lets names be trusted; a tie claims less than a name, so less is asked of it."""
+        if self.is_heard:
+            return True
         left = self.final.fit.ratio
         knows_no_rate = self.base.staged.ceramic.knows_no_rate
         if left > (asked.rateless_nameable if knows_no_rate else asked.nameable):

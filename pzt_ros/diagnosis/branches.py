@@ -255,7 +255,7 @@ def _outdoes(other: Branch, steps: Sequence[Step], search: Search) -> bool:
 
 def _trusted(branch: Branch, asked: Thresholds, limit: TimeLimit) -> Branch:
     """The branch without its names where too much is left beside them, or other bases were not tried that may tell."""
-    if limit.has_cut and not (branch.explains(asked) or branch.is_told(asked)):
+    if limit.has_cut and not (branch.is_heard or branch.explains(asked) or branch.is_told(asked)):
         return branch.without_names("the time was up before all was tried")
     if branch.may_be_named(asked):
         return branch

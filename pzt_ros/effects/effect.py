@@ -52,6 +52,8 @@ class Effect:
         absence: what its absence leaves in a residual.
         next_experiment: which run would show it alone.
         limits: whether the amplitude says from where on it acts, so that half of it is not half the effect.
+        has_own_frequency: whether it is a tone that the drive has no part in, so that no hysteresis that is wrong makes
+            up for it, or is made up for by it.
         variant_of: name of the effect whose cause it shares and as which it is reported; empty where it has its own.
     """
 
@@ -70,6 +72,7 @@ class Effect:
     absence: str = ""
     next_experiment: str = ""
     limits: bool = False
+    has_own_frequency: bool = False
     variant_of: str = ""
 
     @property

@@ -239,6 +239,7 @@ EFFECTS: tuple[Effect, ...] = (
         linear=_TONES,
         absence="a line in the spectrum at the frequency of the mains, in rest as well",
         next_experiment="a rest at constant voltage: the line stays, and moves with the mains",
+        has_own_frequency=True,
     ),
 )
 """In the order of the signal; several at one place stand in this order."""

@@ -887,6 +887,7 @@ def misfitting(fit: float, selection: float) -> Any:
         total=total,
         excess=max(total - 2.0, 1e-4),
         choosing=[1],
+        effects=(),
     )
 
 
@@ -1325,3 +1326,17 @@ def test_no_name_that_explains_half_beside_much_that_is_left(left: float, tied: 
         found = Candidate("thermal_drift", base, misfitting(left, left))
         branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), tied, ""),))
         assert bool(_trusted(branch, Thresholds(), TimeLimit()).steps[0].accepted) is trusted
+
+
+@pytest.mark.parametrize(("name", "trusted"), [("mains_hum", True), ("bias_field", False)])
+@pytest.mark.parametrize("is_over", [False, True])
+def test_what_a_base_is_off_by_says_nothing_against_a_tone(name: str, trusted: bool, is_over: bool) -> None:
+    """An examiner's hum beside a Duhem model: 87 % of what relays left, taken back for 2.2 x that are the model's."""
+    base, after = misfitting(6.0, 6.0), misfitting(5.0, 5.0)
+    base.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=True))
+    after.effects = (name,)
+    found = Candidate(name, base, after)
+    branch = Branch("identified", base, (Step(base, (found,), {}, (found,), (), ""),))
+    limit = TimeLimit()
+    limit.has_cut = is_over
+    assert bool(_trusted(branch, Thresholds(), limit).steps[0].accepted) is trusted

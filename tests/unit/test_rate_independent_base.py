@@ -38,7 +38,8 @@ def ceramic() -> FlexiblePreisach:
 def test_no_name_beside_much_that_is_left(left: float, named: bool) -> None:
     """A court case: what a Maxwell slip has beyond any Preisach model was named strain-polarization hysteresis."""
     base: Any = SimpleNamespace(staged=SimpleNamespace(ceramic=ceramic()))
-    found: Any = SimpleNamespace(after=SimpleNamespace(fit=SimpleNamespace(ratio=left), choosing=[1]))
+    name = "strain_polarization_hysteresis"
+    found: Any = SimpleNamespace(after=SimpleNamespace(fit=SimpleNamespace(ratio=left), choosing=[1], effects=(name,)))
     branch = Branch("identified", base, (Step(base, (found,), {}, (found,), (), "explains 97% of the excess"),))
     step = _trusted(branch, Thresholds(), TimeLimit()).steps[0]
     assert bool(step.accepted) is named
