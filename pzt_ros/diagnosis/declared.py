@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
 from pzt_ros.diagnosis.hysteresis import Hysteresis
-from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
@@ -22,6 +21,7 @@ from pzt_ros.physics.signals import Array, Signals
 from pzt_ros.physics.surrogate import in_few_steps, surrogate_of
 from pzt_ros.records import Record
 from pzt_ros.sysid.history_shares import share_bounds, shares_of, with_shares
+from pzt_ros.sysid.remembered import Remembered
 from pzt_ros.sysid.run import Start, begun_ceramic
 from pzt_ros.sysid.thinning import thinned
 

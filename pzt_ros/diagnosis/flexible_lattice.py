@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pzt_ros.diagnosis.hysteresis import Hysteresis
-from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.identified import SUSCEPTIBILITY, IdentifiedHysteresis
 from pzt_ros.sysid.identified_fit import Choice
+from pzt_ros.sysid.remembered import Remembered
 from pzt_ros.sysid.run import Start, drive_before
 from pzt_ros.sysid.thinning import thinned_for_both
 

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.diagnosis.hysteresis import Hysteresis
-from pzt_ros.diagnosis.remembered import Remembered
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
+from pzt_ros.sysid.remembered import Remembered
 from pzt_ros.sysid.run import Start
 
 _REMEMBERED = 24  # polarizations of a run at some voltage and vector

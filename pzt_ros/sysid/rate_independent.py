@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from pzt_ros.errors import BenchError
@@ -19,11 +20,13 @@ from pzt_ros.physics.link import State
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.sysid.identified import MARGIN, STEEPEST, asked_of, span_of
+from pzt_ros.sysid.remembered import Remembered
 
 SUSCEPTIBILITY, WEIGHTS = 0, 1
 """Coordinates: what does not switch, then the weights of the hats that the drive can move."""
 
 _PLAYS = 100
+_MOST_COLUMNS = 7.5e7  # numbers in the columns of all runs up to which these are remembered: 0.3 GB
 
 
 class RateIndependentHysteresis:
@@ -85,6 +88,8 @@ class RateIndependentHysteresis:
         self.start = np.concatenate(([0.2 * total / span], self._even[self.moved]))
         self.lower, self.upper = np.zeros(self.start.size), np.full(self.start.size, np.inf)
         self.upper[SUSCEPTIBILITY] = STEEPEST * total / span
+        is_little = sum(time.size for time in times) * self.start.size <= _MOST_COLUMNS
+        self._known_columns: Remembered[NDArray[np.float32]] = Remembered(len(times) if is_little else 0)
 
     @property
     def shared(self) -> int:
@@ -158,15 +163,24 @@ class RateIndependentHysteresis:
         Raises:
             BenchError: as Preisach.step.
         """
-        link, jacobians = self.link(vector), []
-        for run in asked_of(voltages):
-            voltage = voltages[run]
-            jacobian = np.empty((voltage.size, len(self.names)), dtype=np.float32)
-            up = link.columns(self._begun(link, run, voltage), self.times[run], voltage)
-            jacobian[:, WEIGHTS:] = 2.0 * up[:, self.moved.ravel()] - 1.0
-            jacobian[:, SUSCEPTIBILITY] = voltage / self.layer_thickness
-            jacobians.append(jacobian)
+        link = self.link(vector)
+        jacobians = [self._columns_of(link, run, voltages[run]) for run in asked_of(voltages)]
         return self.polarization(vector, voltages), jacobians
+
+    def _columns_of(self, link: Preisach, run: int, voltage: Array) -> NDArray[np.float32]:
+        """dP/dvector of a run [shape (n, p)]: P is linear in what a fit finds, so that its steps ask for it again."""
+        key = b"%d " % self.before[run].size + self.before[run].tobytes() + voltage.tobytes()
+        return self._known_columns.get(key, lambda: self._columns_anew(link, run, voltage))
+
+    def _columns_anew(self, link: Preisach, run: int, voltage: Array) -> NDArray[np.float32]:
+        columns = np.empty((voltage.size, len(self.names)), dtype=np.float32)
+        up = link.columns(self._begun(link, run, voltage), self.times[run], voltage)
+        columns[:, WEIGHTS:] = up[:, self.moved.ravel()]
+        columns[:, WEIGHTS:] *= 2.0
+        columns[:, WEIGHTS:] -= 1.0
+        columns[:, SUSCEPTIBILITY] = voltage / self.layer_thickness
+        columns.setflags(write=False)
+        return columns
 
     def _table(self, vector: Array) -> Array:
         """Polarization of every hat, those that never move included [C/m^2, shape (coercive, interaction)]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
-from pzt_ros.diagnosis.remembered import Remembered
+from pzt_ros.sysid.remembered import Remembered
 
 
 def test_computes_once_and_forgets_the_oldest() -> None:
