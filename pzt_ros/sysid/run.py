@@ -116,16 +116,18 @@ def begins_driven(record: Record) -> bool:
 
 
 def usual_past(starts: Sequence[Start], driven: Sequence[bool]) -> Start:
-    """History of a run from rest that was not fitted: of the first fitted one from rest, or the reversals of the first.
+    """History of a run from rest that was not fitted: of the last fitted one from rest, or the reversals of the first.
+
+    What a stage goes through it keeps: one that had never been driven before the first of them had been before others.
 
     Args:
-        starts: of the fitted runs.
+        starts: of the fitted runs, in the order in which they were taken.
         driven: which of them begin driven; what was before such a run says little of one from rest.
     """
     from_rest = [start for start, begins in zip(starts, driven, strict=True) if not begins]
     if not from_rest:
         return Start(starts[0].prior_voltages)
-    return Start(from_rest[0].prior_voltages, from_rest[0].leg, approach=from_rest[0].approach)
+    return Start(from_rest[-1].prior_voltages, from_rest[-1].leg, approach=from_rest[-1].approach)
 
 
 def first_half(samples: int) -> int:

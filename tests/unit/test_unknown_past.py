@@ -52,7 +52,7 @@ from pzt_ros.sysid.history_search import (
 )
 from pzt_ros.sysid.history_shares import share_bounds, shares_of, voltage_bounds, with_shares
 from pzt_ros.sysid.predict import predict
-from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms, typical_leg
+from pzt_ros.sysid.run import Span, Start, amplifier_gain, begins_driven, free_run, rms, typical_leg, usual_past
 from pzt_ros.sysid.run_in import running_in
 from pzt_ros.sysid.start import counted_part, misfit_at, with_offset
 from pzt_ros.sysid.start_notes import start_as_data, start_from_data
@@ -577,6 +577,13 @@ def test_what_was_before_a_run_in_motion_is_not_taken_for_the_past_of_one_from_r
         past = each.notes["start"]["other"]["prior_voltage_V"]
         assert bool(past) == driven
         assert predict(each, begun_inside(TRUTH, (), (100.0, 20.0, 110.0), 8)).rms < 1.1 * NOISE
+
+
+def test_a_run_that_was_not_fitted_begins_as_the_last_fitted_one_from_rest() -> None:
+    """An examiner's stage that was virgin before the first of its runs: 2.7 x of the run that scores, 1.35 x now."""
+    virgin, poled, moving = Start(), Start((150.0,), 0.5, approach=4.0), Start((120.0, 10.0), 0.5)
+    assert usual_past([virgin, poled, moving], [False, False, True]) == poled
+    assert usual_past([moving], [True]).prior_voltages == moving.prior_voltages
 
 
 def test_rivals_are_told_the_history_of_the_best() -> None:
