@@ -12,7 +12,7 @@ from pzt_ros.diagnosis.data import SCORE, RunData
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
-from pzt_ros.diagnosis.remarks import WORSE
+from pzt_ros.diagnosis.remarks import UNSTEADY, WORSE
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.time_limit import TimeLimit
@@ -43,7 +43,7 @@ def reached_of(
 ) -> Reached:
     """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go.
 
-    A straight drift does not go before it was tried as readings that wander.
+    A straight drift does not go before it was tried as readings that wander; a tone that is there may only be unsteady.
     """
     ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
     anew = not limit.is_over()
@@ -59,7 +59,9 @@ def reached_of(
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
         if steps:
             return reached_of(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers, limit)
-    remark = WORSE.format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
+    remark = (UNSTEADY if chosen.is_heard else WORSE).format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
+    if chosen.is_heard:
+        return Reached(chosen, fits[-1], baseline, model, before, after, (remark,), anew)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
     return Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,), anew)
 

@@ -18,6 +18,10 @@ WORSE = (
     "What explains most of the misfit where the model was fitted and chosen makes its prediction of the rest worse,"
     " {after:.4g} nm rms instead of {before:.4g}: so it is not named."
 )
+UNSTEADY = (
+    "The phase of the tone wanders: as the first half of a run tells it, it makes the prediction of the rest worse,"
+    " {after:.4g} nm rms instead of {before:.4g}. It is there all the same; for predictions take the model without it."
+)
 SPARSE = (
     "The identified density describes the train runs down to the noise, but not the test runs: it is not determined"
     " where those go. That asks for runs at more amplitudes and offsets, not for an effect."
