@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.remarks import UNSTEADY, WORSE
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.time_limit import TimeLimit
+from pzt_ros.diagnosis.unsteady import is_unsteady
 from pzt_ros.diagnosis.wandering import less_wandering
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.chain import Chain
@@ -59,8 +60,9 @@ def reached_of(
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
         if steps:
             return reached_of(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers, limit)
-    remark = (UNSTEADY if chosen.is_heard else WORSE).format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
-    if chosen.is_heard:
+    is_there = chosen.is_heard and is_unsteady(runs, before.residuals, after.residuals)
+    remark = (UNSTEADY if is_there else WORSE).format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
+    if is_there:
         return Reached(chosen, fits[-1], baseline, model, before, after, (remark,), anew)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
     return Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,), anew)
