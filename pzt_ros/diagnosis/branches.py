@@ -93,6 +93,8 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         return [_on_declared(declared, ()), *on_densities(densities, asked)]
     on_elements = dataclasses.replace(on_flexible, thresholds=asked.on_elements(), effects=EFFECTS_ON_ELEMENTS)
     elements = Elements(declared, on_elements)
+    if not bases.is_known and densities.lattice_outdoes(elements.base, asked):
+        return [_on_declared(declared, ()), *on_densities(densities, asked)]
     sooner = _sooner(declared, elements, densities, asked, bool(blind))
     if sooner or limit.is_over():
         return [_on_declared(declared, ()), *(sooner or (*elements.searched, *densities.searched))]

@@ -497,6 +497,33 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     assert not named or densities.on_relays.final is (base if alone == 1.0 else final)
 
 
+@pytest.mark.parametrize(
+    ("declared", "relays", "elements", "lattice", "is_so"),
+    [
+        (9.8, 5.0, None, 1.0, True),
+        (9.8, 5.0, 6.0, 1.0, True),
+        (9.8, 5.0, 1.8, 1.0, True),
+        (9.8, 5.0, 1.0, 1.0, False),  # elements do as well
+        (7.0, 5.0, None, 1.0, False),  # a name could still come of effects beside the declared base
+        (9.8, 2.0, None, 1.0, False),  # relays tell sooner
+        (9.8, 5.0, None, 4.0, False),  # it lacks something, too
+    ],
+)
+def test_a_lattice_that_alone_comes_in_sight_of_the_noise_is_searched_first(
+    monkeypatch: pytest.MonkeyPatch,
+    declared: float,
+    relays: float,
+    elements: float | None,
+    lattice: float,
+    is_so: bool,
+) -> None:
+    """A court null, tilted, of which nothing was declared: 264 s, 240 of them for effects at 9.8 x; 36 s now."""
+    monkeypatch.setattr(other_bases, "fit_flexible", lambda *_: leaving(lattice, lattice))
+    bases = Bases(leaving(declared, declared), leaving(relays, relays))
+    others = None if elements is None else leaving(elements, elements)
+    assert other_bases.Densities(bases, Search()).lattice_outdoes(others, Thresholds()) is is_so
+
+
 @pytest.mark.parametrize(("left", "effects", "is_so"), [(1.04, 1, True), (1.3, 1, False), (1.04, 0, False)])
 def test_a_density_that_bent_for_an_effect_shows_it_where_it_was_not_fitted(
     monkeypatch: pytest.MonkeyPatch, left: float, effects: int, is_so: bool
