@@ -88,14 +88,9 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         sooner=lambda: with_declared_kinetics(declared),
         is_lost=lambda: declared.fit.ratio > asked.in_sight and densities.leave_far_less(asked),
     )
-    blind = search.blind(declared)
-    if not search.at_floor(declared) and any(each.takes_all for each in blind):
-        return [_on_declared(declared, ()), *on_densities(densities, asked)]
     on_elements = dataclasses.replace(on_flexible, thresholds=asked.on_elements(), effects=EFFECTS_ON_ELEMENTS)
     elements = Elements(declared, on_elements)
-    if not bases.is_known and densities.lattice_outdoes(elements.base, asked):
-        return [_on_declared(declared, ()), *on_densities(densities, asked)]
-    sooner = _sooner(declared, elements, densities, asked, bool(blind))
+    sooner = _sooner(bases, elements, densities, search)
     if sooner or limit.is_over():
         return [_on_declared(declared, ()), *(sooner or (*elements.searched, *densities.searched))]
     beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_flexible()), asked)
@@ -131,6 +126,30 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         return [branch]  # no other could leave so much less that it were believed instead
     if limit.is_over():
         return [branch, *elements.searched, *densities.searched]
+    return _with_others(branch, elements, densities, search)
+
+
+def _sooner(bases: Bases, elements: Elements, densities: Densities, search: Search) -> list[Branch]:
+    """Bases that are tried sooner than effects beside a declared one that leaves much, if one of them tells what it is.
+
+    In one hold elements take minutes; relays say nothing of one loop.
+    """
+    declared, asked = bases.declared, search.thresholds
+    blind, left = search.blind(declared), declared.fit.ratio
+    takes_all = not search.at_floor(declared) and any(each.takes_all for each in blind)
+    if takes_all or (not bases.is_known and densities.lattice_outdoes(elements, asked)):
+        return on_densities(densities, asked)
+    if left > (asked.reachable if blind else asked.elements_sooner) and elements.tell(asked):
+        return [elements.branch]
+    if blind or left <= asked.rateless_sooner or not densities.tell(asked):
+        return []
+    others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
+    return [densities.on_relays, *others]
+
+
+def _with_others(branch: Branch, elements: Elements, densities: Densities, search: Search) -> list[Branch]:
+    """The branch on the declared base and those on others, it with further effects where none of those tells all."""
+    declared, steps, asked = branch.base, branch.steps, search.thresholds
     others = elements.branches(branch.final, asked)
     if not any(other.explains(asked) for other in others):
         others += on_densities(densities, asked)
@@ -140,26 +159,10 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     if told:  # a density that was fitted to all says little against two effects beside the declared one
         paired = search.with_pair(steps, declared)
         return [_on_declared(declared, tuple(paired)) if search.explains(paired, declared) else branch, *others]
-    steps = search.continued([step for step in steps if step.accepted] or steps, declared)
+    longer = search.continued([step for step in steps if step.accepted] or steps, declared)
     if others[-1].steps:
-        steps = search.with_pair(steps, declared)  # two at once takes longest: so last
-    return [dataclasses.replace(branch, steps=tuple(steps)), *others]
-
-
-def _sooner(
-    declared: Hypothesis, elements: Elements, densities: Densities, asked: Thresholds, is_one_loop: bool
-) -> list[Branch]:
-    """Bases that are tried sooner than effects beside a declared one that leaves much, if one of them tells what it is.
-
-    In one hold elements take minutes; relays say nothing of one loop.
-    """
-    left = declared.fit.ratio
-    if left > (asked.reachable if is_one_loop else asked.elements_sooner) and elements.tell(asked):
-        return [elements.branch]
-    if is_one_loop or left <= asked.rateless_sooner or not densities.tell(asked):
-        return []
-    others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
-    return [densities.on_relays, *others]
+        longer = search.with_pair(longer, declared)  # two at once takes longest: so last
+    return [dataclasses.replace(branch, steps=tuple(longer)), *others]
 
 
 def _on_declared(declared: Hypothesis, steps: tuple[Step, ...]) -> Branch:

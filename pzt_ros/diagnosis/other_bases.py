@@ -132,18 +132,18 @@ class Densities:
         is_told = self.on_relays.explains(asked) or self.on_relays.is_told(self.search.thresholds)
         return is_told and self.on_relays.may_be_named(asked)
 
-    def lattice_outdoes(self, elements: Hypothesis | None, asked: Thresholds) -> bool:
+    def lattice_outdoes(self, elements: Elements, asked: Thresholds) -> bool:
         """Whether only a lattice comes in sight of the noise, so that no search beside another base is worth its time.
 
         Beyond what is finishable no name comes of an effect beside the declared base, and that tries them for minutes.
 
         Args:
-            elements: that slip, without an effect, where there are any.
+            elements: that slip.
             asked: of an effect.
         """
         if self.declared.fit.ratio <= asked.finishable or self.relays.fit.ratio <= asked.in_sight:
             return False
-        others = [each.excess for each in (self.declared, self.relays, elements) if each is not None]
+        others = [each.excess for each in (self.declared, self.relays, elements.base) if each is not None]
         return self.lattice.fit.ratio <= asked.in_sight and self.lattice.excess < asked.outdone * min(others)
 
     def leave_far_less(self, asked: Thresholds) -> bool:

@@ -520,7 +520,7 @@ def test_a_lattice_that_alone_comes_in_sight_of_the_noise_is_searched_first(
     """A court null, tilted, of which nothing was declared: 264 s, 240 of them for effects at 9.8 x; 36 s now."""
     monkeypatch.setattr(other_bases, "fit_flexible", lambda *_: leaving(lattice, lattice))
     bases = Bases(leaving(declared, declared), leaving(relays, relays))
-    others = None if elements is None else leaving(elements, elements)
+    others: Any = SimpleNamespace(base=None if elements is None else leaving(elements, elements))
     assert other_bases.Densities(bases, Search()).lattice_outdoes(others, Thresholds()) is is_so
 
 
