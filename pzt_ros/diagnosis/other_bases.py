@@ -143,8 +143,10 @@ class Densities:
         """
         if self.declared.fit.ratio <= asked.finishable or self.relays.fit.ratio <= asked.in_sight:
             return False
-        others = [each.excess for each in (self.declared, self.relays, elements.base) if each is not None]
-        return self.lattice.fit.ratio <= asked.in_sight and self.lattice.excess < asked.outdone * min(others)
+        slipping = elements.base
+        if slipping is not None and slipping.excess <= asked.outdone * self.declared.excess:
+            return False  # they are searched in seconds
+        return self.lattice.fit.ratio <= asked.in_sight and self.lattice.excess < asked.outdone * self.relays.excess
 
     def leave_far_less(self, asked: Thresholds) -> bool:
         """Whether one of them leaves so much less without an effect that the declared density is wrong."""

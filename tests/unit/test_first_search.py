@@ -501,11 +501,11 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     ("declared", "relays", "elements", "lattice", "is_so"),
     [
         (9.8, 5.0, None, 1.0, True),
-        (9.8, 5.0, 6.0, 1.0, True),
-        (9.8, 5.0, 1.8, 1.0, True),
-        (9.8, 5.0, 1.0, 1.0, False),  # elements do as well
+        (9.8, 5.0, 60.0, 1.0, True),
+        (9.8, 5.0, 4.0, 1.0, False),  # elements are so much better that they are searched first
         (7.0, 5.0, None, 1.0, False),  # a name could still come of effects beside the declared base
         (9.8, 2.0, None, 1.0, False),  # relays tell sooner
+        (9.8, 4.0, None, 2.9, False),  # it does hardly better than they
         (9.8, 5.0, None, 4.0, False),  # it lacks something, too
     ],
 )
