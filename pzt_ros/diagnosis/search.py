@@ -305,13 +305,14 @@ class Search(Seeker):
         """Two effects neither of which explains enough alone; empty where no two do.
 
         Far from the noise a screen sees little of what a base that has bent for both will leave: of a creep and a
-        current limit it promised 9 x, and 2 x was left. There only the second that promises most is refitted.
+        current limit it promised 9 x, and 2 x was left. There only the second that promises most is refitted, and none
+        beside unknown pasts, where that takes a minute.
         """
         best: tuple[Candidate, ...] = ()
         far = before.total - self.thresholds.pair_promise * before.excess
         most = min(far, before.total_at(self.thresholds.nameable))
         for first in sound[:2]:
-            beside = self._candidates(first.after, first.after, most, far)[0]
+            beside = self._candidates(first.after, first.after, most, 0.0 if before.staged.has_past else far)[0]
             # the second has to be needed: half of what the first leaves, or it only takes up what the base is off by
             following = [c for c in beside if self.is_significant(c) and self.is_needed(c)]
             if following:
