@@ -60,7 +60,7 @@ def reached_of(
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
         if steps:
             return reached_of(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers, limit)
-    is_there = chosen.is_heard and is_unsteady(runs, before.residuals, after.residuals)
+    is_there = chosen.is_heard and is_unsteady(model, runs, before.residuals, after.residuals)
     remark = (UNSTEADY if is_there else WORSE).format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     if is_there:
         return Reached(chosen, fits[-1], baseline, model, before, after, (remark,), anew)
