@@ -27,7 +27,7 @@ from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
-_PAIR = 2
+_PAIR = 2  # effects that were added at once
 _SHAPED = 2  # effects beside which shapes are freed
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 

@@ -48,10 +48,11 @@ def _probability(candidate: Candidate, chosen: Branch) -> float:
     gain = min(candidate.fit_gain, candidate.selection_gain)
     others = [min(c.fit_gain, c.selection_gain) for c in rivals]
     odds = [math.exp(min(0.5 * (other - gain) / _INFLATION, 0.0)) for other in (0.0, *others)]
-    return min(candidate.share, 1.0) ** 0.5 / (1.0 + sum(odds)) if odds else 1.0
+    return min(candidate.share, 1.0) ** 0.5 / (1.0 + sum(odds))
 
 
 def tried_candidates(branches: Sequence[Branch]) -> list[Tried]:
+    """Every candidate of every search with what became of it, those that were not refitted last in their round."""
     found = []
     for branch in branches:
         for number, step in enumerate(branch.steps, start=1):

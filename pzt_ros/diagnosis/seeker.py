@@ -144,8 +144,9 @@ class Seeker(Judge):
             zip((p.effect.name for p in sought), side_by_side(screen.refined, sought, _AT_ONCE), strict=True)
         )
         prospects = sorted((refined.get(p.effect.name, p) for p in prospects), key=_left)
-        worth = _one_of_alike(there, [p for p in prospects if self._is_worth(there, p)])
-        worth = [p for p in worth if p.total <= most] or [p for p in worth[:1] if p.total <= most_alone]
+        promising = [p for p in prospects if self._is_worth(there, p)]
+        alone = [p for p in promising if p.total <= most_alone][:1]
+        worth = _one_of_alike(there, [p for p in promising if p.total <= most]) or alone
         causes = list(dict.fromkeys(p.effect.reported for p in worth))[: self.thresholds.refits]
         found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes])
         for prospect in prospects:

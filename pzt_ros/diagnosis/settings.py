@@ -71,10 +71,10 @@ class Thresholds:
             curve leaves to be as good.
         law_share: the same in units of what the curve gains; up to the third power for one with a fourth it was 1.1 %,
             for a curve that waves 2.9 % and more.
-        undeclared_law_tie: the same where no law was declared, so that one up to the third power stands for any: of
-            one with a fourth it left 1.034 and 1.038 x the noise, and a curve was named.
-        flexible_law_tie: the same on a flexible base, whose density bends for a law of still higher order: a curve
-            that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
+        undeclared_law_tie: as `law_tie`, where no law was declared, so that one up to the third power stands for any:
+            of one with a fourth it left 1.034 and 1.038 x the noise, and a curve was named.
+        flexible_law_tie: as `law_tie`, on a flexible base, whose density bends for a law of still higher order: a
+            curve that takes its misfit from 1.3 x the noise to 1.03 was one of the law, with nothing hidden.
         refits: causes whose candidates are refitted at most.
         promised: what a candidate has to promise of what the best promises to be refitted with that; the others are
             where none of those explains enough.
