@@ -133,9 +133,10 @@ class Densities:
         return is_told and self.on_relays.may_be_named(asked)
 
     def lattice_outdoes(self, elements: Elements, asked: Thresholds) -> bool:
-        """Whether only a lattice comes in sight of the noise, so that no search beside another base is worth its time.
+        """Whether only a lattice comes near the noise, so that no search beside another base is worth its time.
 
         Beyond what is finishable no name comes of an effect beside the declared base, and that tries them for minutes.
+        A large effect leaves a lattice far off, too, but not as far as bases that lack more.
 
         Args:
             elements: that slip.
@@ -146,7 +147,8 @@ class Densities:
         slipping = elements.base
         if slipping is not None and slipping.excess <= asked.outdone * self.declared.excess:
             return False  # they are searched in seconds
-        return self.lattice.fit.ratio <= asked.in_sight and self.lattice.excess < asked.outdone * self.relays.excess
+        others = min(self.relays.excess, self.declared.excess)
+        return self.lattice.fit.ratio <= asked.lattice_sooner and self.lattice.excess < asked.lattice_outdone * others
 
     def leave_far_less(self, asked: Thresholds) -> bool:
         """Whether one of them leaves so much less without an effect that the declared density is wrong."""

@@ -507,9 +507,12 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
         (9.8, 2.0, None, 1.0, False),  # relays tell sooner
         (9.8, 4.0, None, 2.9, False),  # it does hardly better than they
         (9.8, 5.0, None, 4.0, False),  # it lacks something, too
+        (20.0, 11.6, None, 4.5, True),  # a large effect, which the others lack as well: a creep of 10 x, tilted
+        (9.0, 30.0, None, 5.5, False),  # what the declared base leaves is hardly more
+        (30.0, 20.0, None, 7.0, False),  # too far from the noise
     ],
 )
-def test_a_lattice_that_alone_comes_in_sight_of_the_noise_is_searched_first(
+def test_a_lattice_that_alone_comes_near_the_noise_is_searched_first(
     monkeypatch: pytest.MonkeyPatch,
     declared: float,
     relays: float,
