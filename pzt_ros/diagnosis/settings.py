@@ -52,9 +52,9 @@ class Thresholds:
         rateless_tells: rms over noise up to which they are searched then. Where nothing was declared nothing speaks for
             the base: then they are tried from the floor on, may leave `undeclared_outdone`, and may be as far off as an
             effect that they lack. (Where relays did not make the runs they left 2.7 times the excess and more.)
-        lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and of
-            the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at 3.2
-            to 4.5 x and 0.12 to 0.31 of what relays leave.)
+        lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
+            of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
+            3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
