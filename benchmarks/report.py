@@ -128,6 +128,13 @@ def read_report(path: Path) -> Report:
     return Report(Provenance(**data), tables)
 
 
+def with_part(page: str, begin: str, end: str, part: str) -> str:
+    """The page with what stands between a mark and the next other one replaced."""
+    before, _, rest = page.partition(begin)
+    _, _, after = rest.partition(end)
+    return before + begin + part + end + after
+
+
 def show(table: Table) -> None:
     """A table in the terminal, or as Markdown where the output is none."""
     from rich.console import Console

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from pzt_benchmarks.report import with_part
 from pzt_benchmarks.residual_court.court import read_results
 from pzt_benchmarks.residual_court.outcome import (
     FAILED,
@@ -48,8 +49,8 @@ _ROWS: tuple[tuple[str, Callable[[Outcome], bool]], ...] = (
     ("an effect of 1 to 10 x, structure right", lambda o: o.kind == "effect_right"),
     ("nothing, structure wrong", lambda o: o.kind == "null_wrong"),
     ("an effect of 1 or 1.5 x, structure wrong", lambda o: o.kind == "effect_wrong" and o.size < 3.0),
-    ("of 3 x", lambda o: o.kind == "effect_wrong" and o.size == 3.0),
-    ("of 10 x", lambda o: o.kind == "effect_wrong" and o.size == 10.0),
+    ("an effect of 3 x, structure wrong", lambda o: o.kind == "effect_wrong" and o.size == 3.0),
+    ("an effect of 10 x, structure wrong", lambda o: o.kind == "effect_wrong" and o.size == 10.0),
     ("two effects of 3 x", lambda o: o.kind == "pair"),
     ("an effect that is not in the library", lambda o: o.kind == "outside"),
     ("one that the design hides (one sine, one hold)", lambda o: o.kind == "confounded"),
@@ -89,17 +90,11 @@ def _count(members: Sequence[Outcome], verdicts: Sequence[str]) -> str:
     return str(sum(each.verdict in verdicts for each in members) or "")
 
 
-def with_part(readme: str, part: str) -> str:
-    """The README with the lines between the two marks replaced."""
-    before, _, rest = readme.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return before + BEGIN + part + END + after
-
-
 def main() -> None:
     """Write both."""
     PAGE.write_text(page(), encoding="utf-8")
-    README.write_text(with_part(README.read_text(encoding="utf-8"), readme_part()), encoding="utf-8")
+    readme = README.read_text(encoding="utf-8")
+    README.write_text(with_part(readme, BEGIN, END, readme_part()), encoding="utf-8")
 
 
 if __name__ == "__main__":

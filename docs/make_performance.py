@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pzt_benchmarks.report import Report, read_report
+from pzt_benchmarks.report import Report, read_report, with_part
 from pzt_benchmarks.table import PHYSICS, TICKS, Table, markdown_rows
 
 FOLDER = Path(__file__).parent
@@ -36,18 +36,12 @@ def _table(report: Report, title: str) -> Table:
     raise SystemExit(f"error: {MEASURED} has no table '{title}'; measure all with `make bench`")
 
 
-def with_part(readme: str, part: str) -> str:
-    """The README with the lines between the two marks replaced."""
-    before, _, rest = readme.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return before + BEGIN + part + END + after
-
-
 def main() -> None:
     """Write both."""
     report = read_report(MEASURED)
     PAGE.write_text(report.markdown(), encoding="utf-8")
-    README.write_text(with_part(README.read_text(encoding="utf-8"), readme_part(report)), encoding="utf-8")
+    readme = README.read_text(encoding="utf-8")
+    README.write_text(with_part(readme, BEGIN, END, readme_part(report)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pzt_benchmarks.drives import NESTED_LEGS, blocks, ramps, sampled_ramps, tur
 from pzt_benchmarks.first_call import KINDS
 from pzt_benchmarks.links import link_of
 from pzt_benchmarks.memory import MODELS, simulate_minutes
-from pzt_benchmarks.report import Provenance, Report, provenance, read_report
+from pzt_benchmarks.report import Provenance, Report, provenance, read_report, with_part
 from pzt_benchmarks.table import Figure, Table, Target, number
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.quadrature import Quadrature
@@ -185,4 +185,5 @@ def test_performance_pages_are_what_was_measured(pages: ModuleType) -> None:
     assert pages.PAGE.read_text(encoding="utf-8") == report.markdown()
     readme = pages.README.read_text(encoding="utf-8")
     assert pages.BEGIN + pages.readme_part(report) + pages.END in readme
-    assert pages.with_part(readme, pages.readme_part(report)) == readme
+    assert with_part(readme, pages.BEGIN, pages.END, pages.readme_part(report)) == readme
+    assert with_part(readme, pages.BEGIN, pages.END, "") != readme
