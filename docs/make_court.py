@@ -31,9 +31,9 @@ _TEXT = """# All samples of the residual court together
 
 `python docs/make_court.py`, of the {count} outcomes in [benchmarks/results](../benchmarks/results): {files}.
 Each sample had fresh seeds and rules frozen in a commit before, which are not the rules of today: what a sample showed
-was mended after it, so the latest tell more than all together. What each showed stands on the page of its own
-([the latest](court.md); [those before the first of these](court-history.md)). **Everything here is simulated**, by a
-generator that shares no code with the library."""
+was mended after it, so the latest tell more than all together. What each showed stands on its own page, and what those
+before showed on [another](court-history.md). **Everything here is simulated**, by a generator that shares no code with
+the library."""
 
 _COLUMNS = {
     "right": (RIGHT,),
@@ -68,8 +68,18 @@ def page() -> str:
     """What the court's page says of one sample, of all."""
     files = samples()
     outcomes = _tried(files)
-    names = ", ".join(f"{path.stem.removeprefix('court-')} ({len(read_results(path))})" for path in files)
-    return markdown(outcomes, _TEXT.format(count=len(outcomes), files=f"seeds and cases {names}"))
+    links = ", ".join(f"[{_seeds(path)}]({_page_of(path)}) ({len(read_results(path))})" for path in files)
+    return markdown(outcomes, _TEXT.format(count=len(outcomes), files=f"seeds (and cases) {links}"))
+
+
+def _seeds(path: Path) -> str:
+    return path.stem.removeprefix("court-").replace("-", " to ")
+
+
+def _page_of(path: Path) -> str:
+    """Named by the last seed, but for the latest."""
+    own = f"court-{path.stem.rpartition('-')[2]}.md"
+    return own if (FOLDER / own).exists() else "court.md"
 
 
 def readme_part() -> str:
