@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,6 +116,30 @@ def test_runs_that_are_described_keep_their_pasts(found: Hypothesis) -> None:
     quiet = replace(found.staged, runs=[replace(run, noise=2.0 * run.noise) for run in found.staged.runs])
     satisfied = refitted_from(replace(found, staged=quiet), {}, 0)
     assert with_pasts_sought(satisfied, IN_THIS_PROCESS) is satisfied
+
+
+@pytest.mark.parametrize(("left", "is_sought_on"), [(9.0, False), (2.0, True)])
+def test_pasts_that_leave_most_are_not_sought_further(
+    monkeypatch: pytest.MonkeyPatch, left: float, is_sought_on: bool
+) -> None:
+    """A court case: pasts that stood for a fatigue of 10 x, beside which a density was identified anew for a minute."""
+    first, beside, asked = stub(10.0), stub(left), []
+    monkeypatch.setattr(flexible, "_lattice", lambda model, known, like=None: first)
+    monkeypatch.setattr(flexible, "not_described", lambda each: [0])
+    monkeypatch.setattr(flexible, "with_pasts_sought", lambda each, workers: beside)
+    monkeypatch.setattr(flexible, "_in_turn", lambda model, best, workers: asked.append(best) or best)
+    monkeypatch.setattr(flexible, "fitted", lambda staged, *_: staged)
+    monkeypatch.setattr(flexible, "exact", lambda each: each)
+    assert fit_flexible(stub(20.0), lambda text: None) is first.staged
+    assert asked == [beside] * is_sought_on
+
+
+def stub(ratio: float) -> Any:
+    """A hypothesis that leaves so many times the noise in its only run."""
+    excess = ratio**2 - 1.0
+    return SimpleNamespace(
+        ratios=[ratio], total=ratio**2, excess=excess, beside="", staged=object(), vector=0, effects=()
+    )
 
 
 def test_a_past_is_what_was_driven_before() -> None:
