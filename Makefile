@@ -6,11 +6,12 @@ BIN := $(VENV)/bin
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u COLCON_PREFIX_PATH \
 	-u _ROS_WHEELS_BOOTSTRAP_COMPLETE -u RMW_IMPLEMENTATION
 
-.PHONY: help install demo test lint bench convergence gallery measured court soak clean
+.PHONY: help install demo test test-long lint bench convergence gallery measured court soak clean
 
 help:
 	@echo "make demo   install into .venv, run the demo, write demo/report.html"
-	@echo "make test   install into .venv, run linters and all tests"
+	@echo "make test   install into .venv, run linters and all tests but the longest"
+	@echo "make test-long  run the longest tests"
 	@echo "make lint   ruff, mypy, import-linter"
 	@echo "make bench  measure, and write docs/performance.md and the README's performance table"
 	@echo "make convergence  how many domains a polycrystal needs: docs/convergence.md"
@@ -42,6 +43,9 @@ test: $(VENV)/.packages
 	$(MAKE) --jobs 2 install lint
 	$(CLEAN) $(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
 	$(CLEAN) $(BIN)/pytest --durations 15 tests/graph tests/browser
+
+test-long: install
+	$(CLEAN) $(BIN)/pytest --numprocesses 2 -m long
 
 lint: $(VENV)/.packages
 	$(BIN)/ruff check --quiet .

@@ -29,13 +29,15 @@ SAYS = {
 }
 """Words that the commands of each page say."""
 
+LONG = "03-fit", "04-diagnose", "06-track", "08-effect", "10-axes"
+
 
 def test_every_page_is_tried() -> None:
     assert list(SAYS) == gallery.pages()
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", SAYS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in SAYS])
 def test_a_page_can_be_done_as_it_stands(name: str, tmp_path: Path) -> None:
     gallery.build([name], tmp_path, lambda _: None)
     page = (tmp_path / f"{name}.md").read_text(encoding="utf-8")

@@ -295,6 +295,7 @@ def wandering() -> Report:
     return diagnose([run(seed, "wandering") for seed in (1, 2)], [run(3, "wandering")], declared())
 
 
+@pytest.mark.long
 def test_readings_that_wander_by_chance_are_a_drift(wandering: Report) -> None:
     assert [effect.name for effect in wandering.effects] == ["thermal_drift"]
     assert wandering.not_identifiable == ()
@@ -305,6 +306,7 @@ def test_readings_that_wander_by_chance_are_a_drift(wandering: Report) -> None:
     assert wandering.model.notes["fit"]["parameters"].keys() == wandering.baseline.notes["fit"]["parameters"].keys()
 
 
+@pytest.mark.long
 def test_readings_that_wander_do_not_bend_the_model(wandering: Report, null: Report) -> None:
     quiet = run(9)
     bent, kept, best = (predict(chain, quiet).rms for chain in (wandering.baseline, wandering.model, null.model))

@@ -108,7 +108,10 @@ def diagnosed(felt: Course = same, moved: Course = same) -> tuple[Report, Record
 
 @pytest.mark.parametrize(
     ("felt", "moved", "name", "most"),
-    [(biased, same, "bias_field", 1.1), (same, crept, "slow_relaxation", 1.7)],
+    [
+        (biased, same, "bias_field", 1.1),
+        pytest.param(same, crept, "slow_relaxation", 1.7, marks=pytest.mark.long),
+    ],
     ids=["bias", "creep"],
 )
 def test_an_effect_that_the_base_had_to_bend_for_is_named_alone(

@@ -61,10 +61,18 @@ def test_stronger_priors_leave_the_weaker_one_as_it_was() -> None:
     [
         (NULL, [], Preisach, "identified"),
         (dataclasses.replace(NULL, declared=False), [], Preisach, "identified"),
-        (dataclasses.replace(HUM, declared=False), ["mains_hum"], Preisach, "identified"),
+        pytest.param(
+            dataclasses.replace(HUM, declared=False), ["mains_hum"], Preisach, "identified", marks=pytest.mark.long
+        ),
         (dataclasses.replace(NULL, family="bouc_wen"), [], BoucWen, "none"),
         (dataclasses.replace(HUM, family="maxwell_slip"), ["mains_hum"], BoucWen, "none"),
-        (dataclasses.replace(HUM, family="maxwell_slip", declared=False), ["mains_hum"], BoucWen, "none"),
+        pytest.param(
+            dataclasses.replace(HUM, family="maxwell_slip", declared=False),
+            ["mains_hum"],
+            BoucWen,
+            "none",
+            marks=pytest.mark.long,
+        ),
     ],
     ids=[
         "plays",

@@ -37,7 +37,7 @@ def span(found: Hypothesis, vector: Array | None = None) -> float:
     return max(float(np.ptp(polarizations[number])) for number in found.staged.fitted)
 
 
-@pytest.mark.parametrize("identify", [fit_rate_independent, fit_flexible])
+@pytest.mark.parametrize("identify", [fit_rate_independent, pytest.param(fit_flexible, marks=pytest.mark.long)])
 def test_it_is_as_large_as_declared(model: Hypothesis, identify) -> None:  # type: ignore[no-untyped-def]
     found = identify(model, lambda text: None)
     assert span(found) == pytest.approx(span(model, model.staged.start), rel=0.02)

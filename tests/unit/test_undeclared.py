@@ -89,7 +89,13 @@ def test_the_drive_before_is_no_matter_of_elements_that_slip() -> None:
         assert with_best_amplitude(each) is each
 
 
-@pytest.mark.parametrize("law", [StrainLaw(linear=1e-4, quadratic=1e-4), StrainLaw(linear=5e-5, cubic=2e-3)])
+@pytest.mark.parametrize(
+    "law",
+    [
+        StrainLaw(linear=1e-4, quadratic=1e-4),
+        pytest.param(StrainLaw(linear=5e-5, cubic=2e-3), marks=pytest.mark.long),
+    ],
+)
 def test_a_strain_that_does_not_go_with_the_square_gets_a_law_that_does_not(law: StrainLaw) -> None:
     """No density bends the square into it, nor does a past: many times the noise, and a hidden effect in all that."""
     soft = load_chain("thesis-p2")

@@ -564,7 +564,7 @@ def test_a_run_on_its_way_through_zero_has_a_past(first: Sequence[float], driven
     assert begins_driven(record) == driven
 
 
-@pytest.mark.parametrize("driven", [False, True])
+@pytest.mark.parametrize("driven", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_what_was_before_a_run_in_motion_is_not_taken_for_the_past_of_one_from_rest(driven: bool) -> None:
     """A court case: 2.8 x the noise in the first 0.2 s of a run that the model describes."""
     rest, moving = begun_inside(TRUTH, (), (120.0, 10.0, 80.0), 7), INSIDE
