@@ -46,6 +46,7 @@ def test_a_node_answers_as_it_did(run: Path, node: str) -> None:
     assert all(column["scale"] > 0.0 for column in found["columns"]), "of something that moves"
 
 
+@pytest.mark.long
 def test_another_gain_is_found_out(run: Path, tmp_path: Path) -> None:
     changed = tmp_path / "run"
     shutil.copytree(run, changed)

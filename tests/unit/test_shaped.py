@@ -65,7 +65,9 @@ def test_a_density_that_is_no_gaussian_is_no_effect(declared: Chain | None) -> N
     assert report.model.links[0].coercive_field_skew > 0.1  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(("declared", "hum"), [(None, 4e-8), (declared_as(Lattice), 1.5e-8)])
+@pytest.mark.parametrize(
+    ("declared", "hum"), [pytest.param(None, 4e-8, marks=pytest.mark.long), (declared_as(Lattice), 1.5e-8)]
+)
 def test_an_effect_beside_it_is_named(declared: Chain | None, hum: float) -> None:
     """A small one where the declared Gaussians leave ten times as much: shapes are free before it is sought."""
     plant = with_effect(skewed(), MainsHum(frequency=50.0, sine=hum))

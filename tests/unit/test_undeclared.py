@@ -112,6 +112,7 @@ def test_a_strain_that_does_not_go_with_the_square_gets_a_law_that_does_not(law:
     assert any(isinstance(link, StrainLaw) for link in found.staged.chain.links)
 
 
+@pytest.mark.long
 def test_the_square_stays_where_it_holds() -> None:
     plant = load_chain("thesis-p2").with_links(lambda link: SWITCHES if isinstance(link, Parametrized) else link)
     runs = split(with_floors(runs_of(with_effect(plant, HUM))[0]), [])
