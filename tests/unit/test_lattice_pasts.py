@@ -90,7 +90,6 @@ def found(model: Hypothesis) -> Hypothesis:
         return fit_flexible(model, lambda text: None)
 
 
-@pytest.mark.long
 def test_density_and_pasts_are_found_together(model: Hypothesis, found: Hypothesis) -> None:
     assert not any(run.begins_driven for run in model.staged.runs)
     assert min(model.ratios) > 20.0
@@ -104,7 +103,6 @@ def test_density_and_pasts_are_found_together(model: Hypothesis, found: Hypothes
         assert ceramic.start_of(found.vector, number).prior_voltages[-1] == pytest.approx(BETWEEN[-1], abs=3.0)
 
 
-@pytest.mark.long
 def test_a_wrong_past_is_found_anew_beside_the_density(found: Hypothesis) -> None:
     lost = refitted_from(found, {1: Start(leg=1.0)}, 0)
     assert lost.ratios[1] > 5.0
@@ -114,7 +112,6 @@ def test_a_wrong_past_is_found_anew_beside_the_density(found: Hypothesis) -> Non
     assert renewed(again) is again  # beside an effect they stay: to seek them takes passes over the lattice
 
 
-@pytest.mark.long
 def test_runs_that_are_described_keep_their_pasts(found: Hypothesis) -> None:
     quiet = replace(found.staged, runs=[replace(run, noise=2.0 * run.noise) for run in found.staged.runs])
     satisfied = refitted_from(replace(found, staged=quiet), {}, 0)
@@ -198,7 +195,6 @@ def test_reversals_are_sought_as_far_as_the_whole_run_goes(records: list[Record]
     np.testing.assert_allclose(displacement_of(chain, fewer, past), displacement_of(chain, early, past), atol=1e-9)
 
 
-@pytest.mark.long
 def test_a_run_that_no_fit_saw_is_predicted(found: Hypothesis, records: list[Record]) -> None:
     chain = model_of(found, "model", "")
     assert predict(chain, records[2]).rms < 2.5 * NOISE
