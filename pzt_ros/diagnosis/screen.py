@@ -18,8 +18,8 @@ import numpy as np
 from scipy import optimize
 
 from pzt_ros.diagnosis.coordinates import Coordinate, of_effect
+from pzt_ros.diagnosis.counts import counts_before
 from pzt_ros.diagnosis.data import FIT, SELECTION, seen_through
-from pzt_ros.diagnosis.going_on import counts_before
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.effects.effect import Effect

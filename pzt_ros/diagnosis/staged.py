@@ -20,10 +20,12 @@ from contextlib import suppress
 import numpy as np
 
 from pzt_ros.diagnosis.coordinates import Coordinate, with_coordinates
+from pzt_ros.diagnosis.counts import counts_before
 from pzt_ros.diagnosis.data import FIT, RunData, seen_through
 from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.shortcuts import Beyond, shortcuts_of
 from pzt_ros.effects.insert import without_effect
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.change import Change, Columns
@@ -133,6 +135,7 @@ class Staged:
         """The same, exact at a vector; itself where it is so everywhere."""
         ceramic = self.ceramic.exact_at(vector[: self._own], self.voltages(vector))
         found = self if ceramic is self.ceramic else dataclasses.replace(self, ceramic=ceramic)
+        found = found._counted_at(vector) if self.given else found
         if not shortcuts_of(self.chain.links):
             return found
         return dataclasses.replace(found, beyond=found._beyond_shortcuts(vector))
@@ -180,6 +183,14 @@ class Staged:
     def is_before(self, kind: str) -> bool:
         """Whether a link stands before the ceramic, and so does what a search moves in its place."""
         return any(link.kind == kind for link in self.chain.links[: self._place]) and not self._has_shortcut(kind)
+
+    def _counted_at(self, vector: Array) -> Staged:
+        """With what is known of single runs counted by the polarization there: another density goes another way."""
+        kinds = {each.kind: EFFECT_OF[each.kind].goes_on for each in self.given}
+        polarizations, chain = self.polarizations(vector), self.chain_at(vector)
+        links = [link for link in chain.links if link.kind in kinds]
+        given = tuple(each for link in links for each in counts_before(kinds[link.kind], link, polarizations))
+        return self if given == self.given else dataclasses.replace(self, given=given)
 
     @property
     def _own(self) -> int:
