@@ -13,7 +13,8 @@ from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.from_rest import as_poled
-from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.histories import _sought_beside, refitted_from
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.undeclared import default_chain
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
@@ -86,6 +87,27 @@ def test_a_stage_that_was_never_driven_stays_one() -> None:
     found = fitted_to(poled=False)
     assert max(found.ratios) < 1.1
     assert {start.prior_voltages for start in starts_of(found)} == {()}
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_past_that_was_taken_for_none_is_sought_where_all_else_describes_the_other_runs(number: int) -> None:
+    """Beside a current limit an examiner's run was at 11 x the noise, its past sought before the limit was there."""
+    found = fitted_to(poled=True)
+    taken = refitted_from(found, {number: Start()}, 0)
+    again = _sought_beside(taken)
+    assert taken.ratios[number] > 100.0
+    assert again is not None
+    assert max(again.ratios) < 1.05
+    assert starts_of(again)[number].prior_voltages[0] == pytest.approx(POLED, rel=0.15)
+
+
+def test_no_past_is_sought_where_no_run_is_described_or_none_had_one() -> None:
+    found = fitted_to(poled=True)
+    assert _sought_beside(found) is None
+    assert _sought_beside(refitted_from(found, dict.fromkeys(range(3), Start()), 0)) is None
+    far_off = fitted(found.staged, found.vector + 0.05, most_steps=0)
+    assert min(far_off.ratios) > 1.2
+    assert _sought_beside(far_off) is None
 
 
 def test_a_run_that_no_fit_saw_begins_as_the_fitted_ones() -> None:
