@@ -30,6 +30,7 @@ from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.time_limit import SECONDS, TimeLimit
+from pzt_ros.diagnosis.tones import with_hum
 from pzt_ros.diagnosis.undeclared import fit_base, has_powers
 from pzt_ros.diagnosis.verdict import SILENT, TIME, by_chance, verdict_of
 from pzt_ros.diagnosis.wandering import less_wandering
@@ -79,10 +80,11 @@ def diagnose(
         bases = fit_base(chain, runs, asked, progress, pool)
         asked = asked.on_free_law() if chain is None and has_powers(bases.declared.staged.chain) else asked
         branches = branches_of(bases, asked, progress, pool, limit)
-        chosen = chosen_of(branches, asked)
+        best = chosen_of(branches, asked)
+        chosen = with_hum(best, asked, pool)
         progress("predicting")
         reached = reached_of(runs, chosen, asked, command, pool, limit)
-        branches = [reached.branch if branch is chosen else branch for branch in branches]
+        branches = [reached.branch if branch is best else branch for branch in branches]
         report = _report(runs, len(train), branches, reached, asked, command)
     if limit.has_cut:
         report = dataclasses.replace(report, verdict=report.verdict + TIME.format(limit.seconds), is_cut=True)
