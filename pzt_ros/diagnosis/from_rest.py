@@ -56,6 +56,13 @@ def as_poled(virgin: Hypothesis, is_declared: bool = True) -> Hypothesis:
     return best if best.excess <= most * virgin.excess else virgin
 
 
+def is_taken_for_virgin(found: Hypothesis) -> bool:
+    """Whether every run begins at rest, and none is taken for one of a ceramic that was poled before."""
+    staged = found.staged
+    poled = any(run.poled for run in staged.runs)
+    return isinstance(staged.ceramic, DeclaredHysteresis) and not (staged.has_past or poled)
+
+
 def poled_beside(found: Hypothesis) -> Hypothesis | None:
     """A model with effects fitted with its runs from rest poled before; None where a run has a past, or that is so.
 
@@ -63,8 +70,7 @@ def poled_beside(found: Hypothesis) -> Hypothesis | None:
     two of them left 2.0 x the noise on a virgin one.
     """
     staged = found.staged
-    is_asked = found.effects and not staged.has_past and isinstance(staged.ceramic, DeclaredHysteresis)
-    if not is_asked or any(run.poled for run in staged.runs):
+    if not (found.effects and is_taken_for_virgin(found)):
         return None
     poled = [dataclasses.replace(run, poled=True) for run in staged.runs]
     begun = dataclasses.replace(staged, runs=seen_through(staged.chain, poled))

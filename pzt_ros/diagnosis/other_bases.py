@@ -150,6 +150,18 @@ class Densities:
         others = min(self.relays.excess, self.declared.excess)
         return self.lattice.fit.ratio <= asked.lattice_sooner and self.lattice.excess < asked.lattice_outdone * others
 
+    def lattice_is_all(self, found: Hypothesis, asked: Thresholds) -> bool:
+        """Whether a lattice without an effect describes every run, and effects beside the declared base are far off.
+
+        Args:
+            found: where a search for effects beside that base ended.
+            asked: of an effect.
+        """
+        if found.over_noise <= asked.in_sight**2:
+            return False
+        is_near = max(self.lattice.ratios) <= asked.lattice_describes
+        return is_near and self.lattice.excess <= asked.lattice_is_all * found.excess
+
     def leave_far_less(self, asked: Thresholds) -> bool:
         """Whether one of them leaves so much less without an effect that the declared density is wrong."""
         most = asked.outdone * self.declared.excess

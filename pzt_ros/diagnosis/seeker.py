@@ -84,6 +84,10 @@ class Seeker(Judge):
         names = {candidate.name for candidate in candidates}
         return candidates, {name: why for name, why in refused.items() if name not in names}
 
+    def beside(self, base: Hypothesis) -> tuple[Candidate, ...]:
+        """Effects refitted beside a base, from where it is."""
+        return self._candidates(base, base)[0]
+
     def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
         return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)
 

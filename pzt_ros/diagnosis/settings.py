@@ -55,6 +55,9 @@ class Thresholds:
         lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
             of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
+        lattice_describes, lattice_is_all: rms over noise that a lattice without an effect may leave of each run, and
+            share of what a search beside the declared base leaves, for its density to be all that is wrong. (Of two
+            components it left 1.22 x and 0.02; of two effects of 3 x that it takes up best 3.1 x and 0.2.)
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
@@ -135,6 +138,8 @@ class Thresholds:
     undeclared_outdone: float = 0.7
     lattice_sooner: float = 6.0
     lattice_outdone: float = 0.35
+    lattice_describes: float = 1.25
+    lattice_is_all: float = 0.05
     rateless: float = 3.0
     shaped_less: float = 0.8
     plainer: float = 1.05

@@ -527,6 +527,24 @@ def test_a_lattice_that_alone_comes_near_the_noise_is_searched_first(
     assert other_bases.Densities(bases, Search()).lattice_outdoes(others, Thresholds()) is is_so
 
 
+@pytest.mark.parametrize(
+    ("beside", "lattice", "is_so"),
+    [
+        (3.4, (1.03, 1.22), True),  # a court null of two components, a hysteresis of the strain beside the declared one
+        (3.4, (1.5, 2.5), False),  # two effects that a lattice takes up best
+        (2.9, (1.03, 1.22), False),  # effects leave so little that the base may be right
+        (3.4, (1.2, 1.25), True),
+        (3.2, (1.24, 1.25), False),  # not so much less
+    ],
+)
+def test_a_lattice_that_describes_every_run_ends_a_search_that_is_far_off(
+    monkeypatch: pytest.MonkeyPatch, beside: float, lattice: tuple[float, float], is_so: bool
+) -> None:
+    monkeypatch.setattr(other_bases, "fit_flexible", lambda *_: leaving(*lattice))
+    densities = other_bases.Densities(Bases(leaving(6.0, 6.0)), Search())
+    assert densities.lattice_is_all(leaving(beside, beside), Thresholds()) is is_so
+
+
 @pytest.mark.parametrize(("left", "effects", "is_so"), [(1.04, 1, True), (1.3, 1, False), (1.04, 0, False)])
 def test_a_density_that_bent_for_an_effect_shows_it_where_it_was_not_fitted(
     monkeypatch: pytest.MonkeyPatch, left: float, effects: int, is_so: bool
@@ -718,3 +736,23 @@ def test_densities_with_other_shapes_are_searched_where_those_help(
     if branch is not None:
         assert branch.density == "shaped"
         assert len(searched) == asked
+
+
+@pytest.mark.parametrize(("beside", "asked"), [(1.09, 1), (1.2, 0)])
+def test_other_shapes_are_tried_beside_what_was_added_where_nothing_more_was_found(
+    monkeypatch: pytest.MonkeyPatch, beside: float, asked: int
+) -> None:
+    """A court case: a fatigue of 10 x beside heavy tails, added at 3.5 x; a round after it that found nothing."""
+    base, after = leaving(4.0, 4.0), leaving(3.5, 3.5, effects=("polarization_fatigue",))
+    winner: Any = SimpleNamespace(after=after, name="polarization_fatigue")
+    steps = [Step(base, (winner,), {}, (winner,), (), ""), Step(after, (), {}, (), (), "")]
+    shapes = {id(base): leaving(3.9, 3.9), id(after): leaving(beside, beside)}
+    searched: list[Any] = []
+    monkeypatch.setattr(branches, "shaped", lambda each: shapes[id(each)])
+    monkeypatch.setattr(branches, "exact", lambda each: each)
+    monkeypatch.setattr(branches, "is_shaped", lambda each: True)
+    end: Any = SimpleNamespace(after=leaving(1.05, 1.05, effects=("polarization_fatigue",)))
+    monkeypatch.setattr(Search, "run", lambda self, each: searched.append(each) or [Step(each, (), {}, (end,), (), "")])
+    branch = ON_FREE_SHAPE(base, steps, Search(workers=IN_THIS_PROCESS))
+    assert len(searched) == asked
+    assert (branch is not None) is bool(asked)
