@@ -105,6 +105,9 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
+    shapely = _on_free_shape(declared, steps[:1], search, are_all=True) if is_far_off else None
+    if shapely is not None:
+        return [shapely]
     base = _poled_instead(steps[0].candidates, asked) if is_far_off else None
     if base is not None and not limit.is_over():
         return _searched(bases.instead(base), asked, progress, workers, limit)
@@ -224,9 +227,8 @@ def _poled_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hypoth
     """
     for each in sorted(candidates, key=lambda candidate: -candidate.fit_share)[:_POLED]:
         beside = poled_beside(each.after)
-        if beside is None:  # a run has a past, or was poled already
-            return None
-        if beside.fit.ratio <= asked.reachable and beside.excess <= asked.outdone * each.after.excess:
+        is_near = beside is not None and beside.fit.ratio <= asked.reachable
+        if beside is not None and is_near and beside.excess <= asked.outdone * each.after.excess:
             return without(beside, each.name)
     return None
 
@@ -252,22 +254,31 @@ def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) ->
     return branch if search.explains(branch.steps, base) else None
 
 
-def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:
+def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search, are_all: bool = False) -> Branch | None:
     """The search beside densities that are no Gaussians, where that is all that is missing, or that beside an effect.
 
     Two shapes say what an identified density needs hundreds of weights for, which bend for an effect as well.
+
+    Args:
+        declared, steps: the base, and where a search beside it came to.
+        search: for effects.
+        are_all: whether shapes have to be all that is missing beside what was added: sooner than all else is tried.
     """
     final = steps[-1].after
     if search.at_floor(final):
         return None
-    base = shaped(declared)
-    if base is declared:
-        return None
-    found = [final, *(each.after for each in steps[-1].candidates[:_SHAPED])]
-    effects = [each for each in found if each.effects]
-    helps = base.excess <= search.thresholds.shaped_less * declared.excess
+    found = [final] if are_all else [final, *(each.after for each in steps[-1].candidates[:_SHAPED])]
+    effects = list({id(each): each for each in found if each.effects}.values())
     search = dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
-    if not helps and not any(map(search.at_floor, search.workers.map(shaped, effects))):
+
+    def come_down() -> bool:
+        return any(map(search.at_floor, search.workers.map(shaped, effects)))
+
+    if are_all and not come_down():
+        return None
+    base = shaped(declared)
+    helps = are_all or base.excess <= search.thresholds.shaped_less * declared.excess
+    if base is declared or not (helps or come_down()):
         return None
     base = exact(base)
     steps = () if search.at_floor(base) else tuple(search.run(base))

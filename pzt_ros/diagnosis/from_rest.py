@@ -64,7 +64,7 @@ def is_taken_for_virgin(found: Hypothesis) -> bool:
 
 
 def poled_beside(found: Hypothesis) -> Hypothesis | None:
-    """A model with effects fitted with its runs from rest poled before; None where a run has a past, or that is so.
+    """A model with effects fitted with its runs from rest poled before; None where it has a past, or that is no better.
 
     Beside an effect that is missing, what a poled ceramic leaves says little: a creep and a current limit hid it, the
     two of them left 2.0 x the noise on a virgin one.
@@ -79,6 +79,8 @@ def poled_beside(found: Hypothesis) -> Hypothesis | None:
         pasts = {number: poled_start(found, number, volts) for number in range(len(poled))}
         tried.append(refitted_from(dataclasses.replace(found, staged=begun), pasts, _FEW_STEPS))
     best = min(tried, key=lambda each: each.total)
+    if best.total >= found.total:
+        return None
     return exact(fitted(best.staged, best.vector, best.effects, most_steps=_STEPS))
 
 
