@@ -756,3 +756,53 @@ def test_other_shapes_are_tried_beside_what_was_added_where_nothing_more_was_fou
     branch = ON_FREE_SHAPE(base, steps, Search(workers=IN_THIS_PROCESS))
     assert len(searched) == asked
     assert (branch is not None) is bool(asked)
+
+
+@pytest.mark.parametrize(
+    ("beside", "found"),
+    [
+        ((None, 4.0, None), 1),  # the mode: a virgin ceramic left 12 x beside it
+        ((6.5, 4.0, None), 1),  # beside a hysteresis that stood for the past it is no quarter
+        ((None, None, None), None),  # no run is better poled
+        ((None, None, 4.0), 2),
+        ((12.5, 12.5, 12.5), None),  # too far for a base
+    ],
+)
+def test_a_poled_past_is_believed_beside_an_effect_where_it_leaves_far_less(
+    monkeypatch: pytest.MonkeyPatch, beside: tuple[float | None, ...], found: int | None
+) -> None:
+    """An examiner's mode on a stage that had been poled: beside that effect alone the past showed itself."""
+    most = 30.0 if beside[0] == 12.5 else 12.0
+    tried: Any = leaving_of(40.0, strain_polarization_hysteresis=0.8 * most, mechanical_resonance=most)
+    tried += leaving_of(40.0, imprint=1.1 * most, thermal_drift=1.2 * most)  # the last explains least: never asked
+    poled = {id(each.after): left and leaving(left, left) for each, left in zip(tried, beside, strict=False)}
+    monkeypatch.setattr(branches, "poled_beside", lambda after: poled[id(after)])
+    monkeypatch.setattr(branches, "without", lambda each, name: name)
+    base = branches._poled_instead(tried[::-1], Thresholds())
+    assert base == (None if found is None else tried[found].name)
+
+
+@pytest.mark.parametrize(
+    ("declares", "declared", "relays", "elements", "virgin", "is_so"),
+    [
+        (False, 14.5, 50.0, None, True, True),
+        (True, 14.5, 50.0, None, True, False),  # effects beside a declared chain come first
+        (False, 7.0, 50.0, None, True, False),  # near enough for names
+        (False, 14.5, 5.0, None, True, False),  # a stage without a rate
+        (False, 14.5, 50.0, 5.0, True, False),  # elements that slip
+        (False, 14.5, 50.0, None, False, False),  # poled already, or with a past
+    ],
+)
+def test_a_base_that_nobody_declared_may_hide_a_past(
+    monkeypatch: pytest.MonkeyPatch,
+    declares: bool,
+    declared: float,
+    relays: float,
+    elements: float | None,
+    virgin: bool,
+    is_so: bool,
+) -> None:
+    monkeypatch.setattr(branches, "is_taken_for_virgin", lambda found: virgin)
+    bases = Bases(leaving(declared, declared), leaving(relays, relays), declares)
+    others: Any = SimpleNamespace(base=None if elements is None else leaving(elements, elements))
+    assert branches._may_hide_a_past(bases, others, Thresholds()) is is_so
