@@ -29,7 +29,7 @@ SAYS = {
 }
 """Words that the commands of each page say."""
 
-LONG = "02-characterise", "03-fit", "04-diagnose", "06-track", "08-effect", "09-node", "10-axes"
+LONG = "02-characterise", "03-fit", "04-diagnose", "06-track", "08-effect", "09-node", "10-axes", "11-driver"
 
 
 def test_every_page_is_tried() -> None:
