@@ -57,7 +57,7 @@ class Thresholds:
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
         lattice_describes, lattice_is_all: rms over noise that a lattice without an effect may leave of each run, and
             share of what a search beside the declared base leaves, for its density to be all that is wrong. (Of two
-            components it left 1.22 x and 0.02; of two effects of 3 x that it takes up best 3.1 x and 0.2.)
+            components it left 1.22 x and 0.02; of two effects of 3 x that it takes up best 2.5 x of one run.)
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
