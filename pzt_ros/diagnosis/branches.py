@@ -93,7 +93,7 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     elements = Elements(declared, on_elements)
     base = _poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
     if base is not None:
-        return _searched(bases.instead(base), asked, progress, workers, limit)
+        return _searched(bases._replace(declared=base, relays=None), asked, progress, workers, limit)
     sooner = _sooner(bases, elements, densities, search)
     if sooner or limit.is_over():
         return [_on_declared(declared, ()), *(sooner or (*elements.searched, *densities.searched))]
@@ -105,12 +105,13 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
-    shapely = _on_free_shape(declared, steps[:1], search, are_all=True) if is_far_off else None
-    if shapely is not None:
-        return [shapely]
+    is_of_shapes = is_far_off and _shapes_come_down([steps[0].after], search)
+    on_shapes = _on_shapes(declared, shaped(declared), search) if is_of_shapes else None
+    if on_shapes is not None:
+        return [on_shapes]
     base = _poled_instead(steps[0].candidates, asked) if is_far_off else None
     if base is not None and not limit.is_over():
-        return _searched(bases.instead(base), asked, progress, workers, limit)
+        return _searched(bases._replace(declared=base, relays=None), asked, progress, workers, limit)
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
         return [_on_declared(declared, tuple(steps)), *on_densities(densities, asked)]
     better = _better(declared, steps)
@@ -254,33 +255,31 @@ def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) ->
     return branch if search.explains(branch.steps, base) else None
 
 
-def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search, are_all: bool = False) -> Branch | None:
+def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:
     """The search beside densities that are no Gaussians, where that is all that is missing, or that beside an effect.
 
     Two shapes say what an identified density needs hundreds of weights for, which bend for an effect as well.
-
-    Args:
-        declared, steps: the base, and where a search beside it came to.
-        search: for effects.
-        are_all: whether shapes have to be all that is missing beside what was added: sooner than all else is tried.
     """
     final = steps[-1].after
     if search.at_floor(final):
         return None
-    found = [final] if are_all else [final, *(each.after for each in steps[-1].candidates[:_SHAPED])]
-    effects = list({id(each): each for each in found if each.effects}.values())
-    search = dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
-
-    def come_down() -> bool:
-        return any(map(search.at_floor, search.workers.map(shaped, effects)))
-
-    if are_all and not come_down():
-        return None
     base = shaped(declared)
-    helps = are_all or base.excess <= search.thresholds.shaped_less * declared.excess
-    if base is declared or not (helps or come_down()):
+    helps = base.excess <= search.thresholds.shaped_less * declared.excess
+    found = [final, *(each.after for each in steps[-1].candidates[:_SHAPED] if each.after is not final)]
+    return _on_shapes(declared, base, search) if helps or _shapes_come_down(found, search) else None
+
+
+def _shapes_come_down(found: Sequence[Hypothesis], search: Search) -> bool:
+    """Whether free shapes take what is left beside one of these effects to the noise."""
+    on_shapes = Search(search.thresholds.on_shaped())
+    return any(map(on_shapes.at_floor, search.workers.map(shaped, [each for each in found if each.effects])))
+
+
+def _on_shapes(declared: Hypothesis, base: Hypothesis, search: Search) -> Branch | None:
+    """The search on a base with free shapes, where those leave less than the declared one and it explains all."""
+    if base is declared:
         return None
-    base = exact(base)
+    base, search = exact(base), dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
     steps = () if search.at_floor(base) else tuple(search.run(base))
     branch = _on_declared(base, steps)
     return branch if search.explains(branch.steps, base) else None

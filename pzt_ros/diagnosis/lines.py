@@ -18,7 +18,13 @@ FEWEST = 48
 """Frequencies that a spectrum must have for lines to be looked for."""
 _AROUND = 31  # frequencies whose median is the surroundings of one
 _SLOWEST = 16  # the first frequencies have no surroundings on one side, and slow motion stands out there
-_CLEAR = 20.0  # over the surroundings: noise gets there once in a million frequencies
+CLEAR = 20.0
+"""Power over the surroundings from which a frequency is a line: noise gets there once in a million frequencies."""
+_NEARBY, _WIDTH = (
+    5.0,
+    2.0,
+)  # surroundings of a given tone on both sides [Hz], frequencies of a spectrum that it takes up
+_FEWEST_AROUND = 12  # frequencies of the surroundings on either side
 _MOST = 8
 
 
@@ -30,13 +36,30 @@ def strongest(power: Array) -> tuple[int, float]:
     return peak, float(ratio[peak])
 
 
+def may_stand_out(time: Array, frequency: float) -> bool:
+    """Whether samples are so many that a tone [Hz] has surroundings, and so close that it is one."""
+    is_long = _NEARBY * float(np.ptp(time)) >= _FEWEST_AROUND
+    return is_long and 2.0 * frequency * float(np.median(np.diff(time))) < 1.0
+
+
+def standing_out(time: Array, values: Array, frequency: float) -> float:
+    """Power of a tone [Hz] over the median of its surroundings, of samples that need not be even [each shape (n,)]."""
+    length = float(np.ptp(time))
+    count = round(length / float(np.median(np.diff(time))))
+    even = np.interp(np.linspace(time[0], time[-1], count), time, values)
+    power = np.abs(np.fft.rfft(np.hanning(count) * (even - even.mean()))) ** 2
+    away = np.abs(np.arange(power.size) - frequency * length)  # in frequencies of the spectrum
+    around = power[(away > _WIDTH) & (away <= _NEARBY * length)]
+    return float(power[away <= _WIDTH].max() / max(float(np.median(around)), 1e-300))
+
+
 def without_lines(time: Array, values: Array) -> tuple[Array, list[float]]:
     """A stretch of samples about a parabola without the tones that stand out, and their frequencies [Hz]."""
     left, found = about_parabola(time, values), []
     step = float(np.mean(np.diff(time)))
     for _ in range(_MOST if values.size >= 2 * FEWEST else 0):
         peak, ratio = strongest(np.abs(np.fft.rfft(np.hanning(values.size) * left)) ** 2)
-        if ratio < _CLEAR:
+        if ratio < CLEAR:
             break
         bounds = np.array([peak - 1.0, peak + 1.0]) / (values.size * step)
         options = {"xatol": 1e-4 * float(np.ptp(bounds))}

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -135,7 +135,7 @@ class Staged:
         """The same, exact at a vector; itself where it is so everywhere."""
         ceramic = self.ceramic.exact_at(vector[: self._own], self.voltages(vector))
         found = self if ceramic is self.ceramic else dataclasses.replace(self, ceramic=ceramic)
-        found = found._counted_at(vector) if self.given else found
+        found = found.counted(vector, {each.kind for each in self.given})
         if not shortcuts_of(self.chain.links):
             return found
         return dataclasses.replace(found, beyond=found._beyond_shortcuts(vector))
@@ -184,13 +184,12 @@ class Staged:
         """Whether a link stands before the ceramic, and so does what a search moves in its place."""
         return any(link.kind == kind for link in self.chain.links[: self._place]) and not self._has_shortcut(kind)
 
-    def _counted_at(self, vector: Array) -> Staged:
-        """With what is known of single runs counted by the polarization there: another density goes another way."""
-        kinds = {each.kind: EFFECT_OF[each.kind].goes_on for each in self.given}
-        polarizations, chain = self.polarizations(vector), self.chain_at(vector)
-        links = [link for link in chain.links if link.kind in kinds]
-        given = tuple(each for link in links for each in counts_before(kinds[link.kind], link, polarizations))
-        return self if given == self.given else dataclasses.replace(self, given=given)
+    def counted(self, vector: Array, kinds: Collection[str]) -> Staged:
+        """With effects of these kinds going on from run to run, by the polarization there; itself where that is so."""
+        links = [link for link in self.chain_at(vector).links if link.kind in kinds]
+        polarizations = self.polarizations(vector) if links else []
+        given = [each for link in links for each in counts_before(EFFECT_OF[link.kind].goes_on, link, polarizations)]
+        return self if tuple(given) == self.given else dataclasses.replace(self, given=tuple(given))
 
     @property
     def _own(self) -> int:

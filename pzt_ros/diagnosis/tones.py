@@ -15,19 +15,15 @@ from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.lines import CLEAR, may_stand_out, standing_out
 from pzt_ros.diagnosis.refinement import refits
 from pzt_ros.diagnosis.screen import Screen
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.mains_hum import MainsHum
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import Workers
-from pzt_ros.physics.signals import Array
 
-_STANDS_OUT = 20.0  # power over the surroundings: noise gets there once in a million frequencies
-_IS_GONE = 0.25  # of that, with the tone in the model
-_AROUND = 5.0  # [Hz] the surroundings on both sides
-_WIDTH = 2.0  # frequencies on both sides that a tone takes up behind a Hann window
-_FEWEST = 12  # frequencies of the surroundings that are needed on either side
+_STAYS = 0.25  # of how far a tone stands out, with it in the model
 
 _VERDICT = "a line at {frequency:.2f} Hz that stands out of all that is left, {times:.0f} times over its surroundings"
 
@@ -46,9 +42,10 @@ def with_hum(branch: Branch, asked: Thresholds, workers: Workers) -> Branch:
     if after is None:
         return branch
     frequency = _frequency_of(after)
-    heard = [number for number, run in enumerate(final.staged.runs) if _may_be_heard(run, frequency)]
+    runs = enumerate(final.staged.runs)
+    heard = [number for number, run in runs if may_stand_out(run.record.time[_seen(run)], frequency)]
     times = min((_standing_out(final, after, number, frequency) for number in heard), default=0.0)
-    if times < _STANDS_OUT:
+    if times < CLEAR:
         return branch
     hum = Candidate(name, final, after)
     verdict = _VERDICT.format(frequency=frequency, times=times)
@@ -65,33 +62,14 @@ def _frequency_of(found: Hypothesis) -> float:
 def _standing_out(before: Hypothesis, after: Hypothesis, number: int, frequency: float) -> float:
     """How far a tone stands out of what is left of a run without it; 0 where it stays, or the drive has it as well."""
     run = before.staged.runs[number]
-    outputs = [found.staged.outputs(found.vector, [number])[0][0] for found in (before, after)]
+    picks = _seen(run)
+    without, told = (found.staged.outputs(found.vector, [number])[0][0] for found in (before, after))
     measured = run.record.displacement
     alone, beside, driven = (
-        _times_over(run, values, frequency) for values in (measured - outputs[0], measured - outputs[1], outputs[0])
+        standing_out(run.record.time[picks], values[picks], frequency)
+        for values in (measured - without, measured - told, without)
     )
-    return alone if beside <= _IS_GONE * alone and driven < _STANDS_OUT else 0.0
-
-
-def _may_be_heard(run: RunData, frequency: float) -> bool:
-    """Whether a run's part is so long that a tone [Hz] has surroundings, and so finely sampled that it is one."""
-    time = run.record.time[_seen(run)]
-    return (
-        _AROUND * float(np.ptp(time)) >= _FEWEST and 2.0 * frequency * float(np.median(np.diff(run.record.time))) < 1.0
-    )
-
-
-def _times_over(run: RunData, values: Array, frequency: float) -> float:
-    """Power of a run's part at a frequency [Hz] over the median of its surroundings."""
-    picks = _seen(run)
-    time = run.record.time[picks]
-    length = float(np.ptp(time))
-    count = round(length / float(np.median(np.diff(run.record.time))))
-    even = np.interp(np.linspace(time[0], time[-1], count), time, values[picks])
-    power = np.abs(np.fft.rfft(np.hanning(count) * (even - even.mean()))) ** 2
-    away = np.abs(np.arange(power.size) - frequency * length)  # in frequencies of the spectrum
-    around = power[(away > _WIDTH) & (away <= _AROUND * length)]
-    return float(power[away <= _WIDTH].max() / max(float(np.median(around)), 1e-300))
+    return alone if beside <= _STAYS * alone and driven < CLEAR else 0.0
 
 
 def _seen(run: RunData) -> NDArray[np.intp]:

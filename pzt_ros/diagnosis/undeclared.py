@@ -72,10 +72,6 @@ class Bases(NamedTuple):
     relays: Hypothesis | None = None
     is_known: bool = False
 
-    def instead(self, declared: Hypothesis) -> Bases:
-        """The same with another fit of the chain, and relays to be identified with its pasts."""
-        return Bases(declared, None, self.is_known)
-
 
 def fit_base(
     chain: Chain | None, runs: Sequence[RunData], asked: Thresholds, progress: Progress, workers: Workers
