@@ -105,8 +105,8 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
-    is_of_shapes = is_far_off and _shapes_come_down([steps[0].after], search)
-    on_shapes = _on_shapes(declared, shaped(declared), search) if is_of_shapes else None
+    are_shapes_all = is_far_off and _shapes_come_down([steps[0].after], search)
+    on_shapes = _on_shapes(declared, shaped(declared), search) if are_shapes_all else None
     if on_shapes is not None:
         return [on_shapes]
     base = _poled_instead(steps[0].candidates, asked) if is_far_off else None
@@ -261,9 +261,9 @@ def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) 
     Two shapes say what an identified density needs hundreds of weights for, which bend for an effect as well.
     """
     final = steps[-1].after
-    if search.at_floor(final):
+    base = declared if search.at_floor(final) else shaped(declared)
+    if base is declared:
         return None
-    base = shaped(declared)
     helps = base.excess <= search.thresholds.shaped_less * declared.excess
     found = [final, *(each.after for each in steps[-1].candidates[:_SHAPED] if each.after is not final)]
     return _on_shapes(declared, base, search) if helps or _shapes_come_down(found, search) else None
