@@ -95,6 +95,14 @@ def _title(process: psutil.Process) -> str:
     return ""
 
 
+def _status(process: psutil.Process) -> str | None:
+    """What it is doing; None if it is no more."""
+    # it may end between the two questions
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return process.status() if process.is_running() else None
+    return None
+
+
 def wait_until(happened: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
     """Wait for a condition; fail, naming it, if it does not come true."""
     deadline = time.monotonic() + patience
@@ -105,4 +113,4 @@ def wait_until(happened: Callable[[], bool], what: str, patience: float = PATIEN
 
 def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
     """Those that still run."""
-    return [p for p in processes if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
+    return [process for process in processes if _status(process) not in (None, psutil.STATUS_ZOMBIE)]
