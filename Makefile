@@ -37,12 +37,13 @@ $(VENV)/.installed: $(VENV)/.packages
 demo: install
 	$(CLEAN) $(BIN)/pzt demo --out demo --overwrite
 
-# Where no result depends on time, three run at once (half of a graph's time is waiting); graphs that keep time, and the
-# browser, have the machine to themselves.
+# Where no result depends on time, three run at once (half of a graph's time is waiting). Of graphs that keep time, two do:
+# they compute for less than half of it. The browser, and commands that come late, have the machine to themselves.
 test: $(VENV)/.packages
 	$(MAKE) --jobs 2 install lint
 	$(CLEAN) $(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder --durations 40 --ignore tests/graph --ignore tests/browser
-	$(CLEAN) $(BIN)/pytest --durations 15 tests/graph tests/browser
+	$(CLEAN) $(BIN)/pytest --numprocesses 2 --dist loadscope --durations 15 tests/graph --ignore tests/graph/test_pace.py
+	$(CLEAN) $(BIN)/pytest --durations 5 tests/graph/test_pace.py tests/browser
 
 test-long: install
 	$(CLEAN) $(BIN)/pytest --numprocesses 2 -m long
