@@ -14,6 +14,7 @@ from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.grain import without_grain
 from pzt_ros.diagnosis.histories import with_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.reach_of_pasts import where_no_past_reaches
 from pzt_ros.diagnosis.shaped import far_better_shaped
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
@@ -56,8 +57,9 @@ def fit_declared(
         BenchError: the chain has no ceramic, or an unknown parameter in `free:`.
     """
     progress(f"fitting {chain.name}")
-    found = far_better_shaped(without_grain(as_poled(begun(chain, runs)), _SPACING))
-    return with_pasts(found, progress, workers)
+    virgin = begun(chain, runs)
+    found = where_no_past_reaches(virgin, as_poled(virgin), workers)
+    return with_pasts(far_better_shaped(without_grain(found, _SPACING)), progress, workers)
 
 
 def begun(chain: Chain, runs: Sequence[RunData]) -> Hypothesis:

@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
 from pzt_ros.diagnosis.other_bases import EFFECTS_ON_ELEMENTS, Densities, Elements, on_densities, on_relays
+from pzt_ros.diagnosis.reach_of_pasts import unreached_beside
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import is_shaped, shaped
@@ -110,6 +111,8 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     if on_shapes is not None:
         return [on_shapes]
     base = _poled_instead(steps[0].candidates, asked) if is_far_off else None
+    if base is None and not search.explains(steps, declared):
+        base = _unreached_instead(steps[0].candidates, asked)
     if base is not None and not limit.is_over():
         return _searched(bases._replace(declared=base, relays=None), asked, progress, workers, limit)
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
@@ -217,6 +220,15 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
         return False
     others = [other for other in (bases.relays, elements.base) if other is not None]
     return all(other.excess > asked.outdone * declared.excess for other in others)
+
+
+def _unreached_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hypothesis | None:
+    """The base of what no past reaches, where that leaves far less beside one of the effects tried."""
+    for each in sorted(candidates, key=lambda candidate: -candidate.fit_share)[:_POLED]:
+        beside = unreached_beside(each.after, asked.outdone)
+        if beside is not None:
+            return without(beside, each.name)
+    return None
 
 
 def _poled_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hypothesis | None:

@@ -41,6 +41,7 @@ class RunData:
         wander: time over which its readings may wander by chance [s]; 0 where they do not, inf for a straight line.
         poled: whether it begins at rest where a drive had left it that nobody recorded.
         fades: whether it begins with what a link that relaxes remembers of a past that nobody recorded.
+        since: first sample that no past reaches, where those before do not count.
     """
 
     record: Record
@@ -51,6 +52,7 @@ class RunData:
     wander: float = 0.0
     poled: bool = False
     fades: bool = False
+    since: int = 0
 
     @cached_property
     def signals(self) -> Signals:
@@ -63,7 +65,19 @@ class RunData:
         clear = ~(lost_turns(self.record) | running_in(self.record))
         for spikes in self.spikes.values():
             clear[spikes.places] = False
+        clear[: self.since] = False
         return clear
+
+    def counted_from(self, since: int) -> RunData:
+        """The run without the samples before."""
+        return replace(self, since=since, picks={part: picks[picks >= since] for part, picks in self.picks.items()})
+
+    @property
+    def uncut(self) -> RunData:
+        """The run with all samples from its first one."""
+        run = replace(self, since=0)
+        picks = {part: _thin(run, 0, int(each[-1]) + 1) for part, each in self.picks.items() if part != SCORE}
+        return replace(run, picks={**self.picks, **picks})
 
     @cached_property
     def begins_driven(self) -> bool:
@@ -119,7 +133,7 @@ class RunData:
         """Curves of no interest in these samples: what wanders by chance, and what dies out [shape (m, k)]."""
         time = self.record.time
         slow = slow_curves(time[picks], self.wander) if self.wander > 0.0 else np.zeros((picks.size, 0))
-        return np.column_stack((slow, fading_curves(time)[picks])) if self.fades else slow
+        return np.column_stack((slow, fading_curves(time, since=self.since)[picks])) if self.fades else slow
 
     @cached_property
     def _bases(self) -> dict[str, Array]:

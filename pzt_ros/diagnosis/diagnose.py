@@ -82,6 +82,7 @@ def diagnose(
         branches = branches_of(bases, asked, progress, pool, limit)
         best = chosen_of(branches, asked)
         chosen = with_hum(best, asked, pool)
+        runs = [run.counted_from(seen.since) for run, seen in zip(runs, chosen.base.staged.runs, strict=True)]
         progress("predicting")
         reached = reached_of(runs, chosen, asked, command, pool, limit)
         branches = [reached.branch if branch is best else branch for branch in branches]

@@ -185,7 +185,8 @@ def without_histories(declared: Hypothesis) -> Hypothesis | None:
 def _not_clean(found: Hypothesis) -> list[int]:
     """Indices of the runs of which so much is left that they may have a history."""
     clean = [_CLEAN if run.begins_driven else _CLEAN_FROM_REST for run in found.staged.runs]
-    return [number for number, ratio in enumerate(found.ratios) if ratio > clean[number]]
+    reached = [number for number, run in enumerate(found.staged.runs) if not run.since]
+    return [number for number in reached if found.ratios[number] > clean[number]]
 
 
 def _without_their_past(found: Hypothesis) -> list[int]:
@@ -223,6 +224,11 @@ def _with_other_histories(
     if not worse or len(worse) == len(driven):
         return again
     return min(again, _fitted_with(again, _histories(again, worse, workers, thorough)), key=_total)
+
+
+def with_other_pasts(found: Hypothesis, workers: Workers) -> Hypothesis:
+    """With short pasts of the runs that are not described, beside all else as it is."""
+    return refitted_from(found, _histories(found, _not_clean(found), workers), 0)
 
 
 def _fitted_with(found: Hypothesis, known: Mapping[int, Start]) -> Hypothesis:

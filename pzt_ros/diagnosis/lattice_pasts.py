@@ -39,10 +39,11 @@ def with_pasts_sought(found: Hypothesis, workers: Workers) -> Hypothesis:
 
 
 def not_described(found: Hypothesis) -> list[int]:
-    """Indices of the runs whose past may be another: those that begin at rest and are not described."""
+    """Indices of the runs whose past may be another: they begin at rest, count from there, and are not described."""
     ceramic = found.staged.ceramic
     assert isinstance(ceramic, FlexibleHysteresis)
-    return [n for n, ratio in enumerate(found.ratios) if ratio > _CLEAN and not ceramic.unknown_start[n]]
+    own = [n for n, run in enumerate(found.staged.runs) if not (ceramic.unknown_start[n] or run.since)]
+    return [n for n in own if found.ratios[n] > _CLEAN]
 
 
 def _past_of(found: Hypothesis, number: int) -> Start:

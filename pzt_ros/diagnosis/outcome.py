@@ -35,7 +35,7 @@ class Errors:
     """How far predictions of the whole runs are from the measurements.
 
     Attributes:
-        train, test: rms [m] over all train and over all test runs.
+        train, test: rms [m] over all train and over all test runs, without samples that a past reaches.
         selection, score: of the halves of the test runs.
         nrmse: of the test runs over their peak to peak [-].
         interval: 95 % interval of `score` [m, m], given how the error remembers itself.
@@ -156,8 +156,8 @@ def errors_from(residuals: Sequence[Array], runs: Sequence[RunData]) -> Errors:
         part: [r[run.picks[part]] for r, run in zip(residuals, runs, strict=True) if part in run.picks]
         for part in (FIT, SELECTION, SCORE)
     }
-    train = [r for r, run in zip(residuals, runs, strict=True) if FIT in run.picks]
-    test = [r for r, run in zip(residuals, runs, strict=True) if SCORE in run.picks]
+    train = [r[run.since :] for r, run in zip(residuals, runs, strict=True) if FIT in run.picks]
+    test = [r[run.since :] for r, run in zip(residuals, runs, strict=True) if SCORE in run.picks]
     tested = test or train
     spans = [float(np.ptp(run.record.displacement)) for run in runs if SCORE in run.picks or not test]
     score = _rms_of(picked[SCORE] or picked[FIT])

@@ -12,6 +12,7 @@ from pzt_ros.diagnosis.data import SCORE, RunData
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
+from pzt_ros.diagnosis.reach_of_pasts import with_short_pasts
 from pzt_ros.diagnosis.remarks import UNSTEADY, WORSE
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -76,4 +77,4 @@ def last_fit(
     Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
     """
     found = identified_beside_effects(found, runs, asked) if anew else found
-    return fitted_to_all(found) if density == "identified" or found.staged.given else found
+    return with_short_pasts(fitted_to_all(found) if density == "identified" or found.staged.given else found)

@@ -56,6 +56,10 @@ _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
     " not in the record."
 )
+_REACHED = (
+    "{name}: {count} samples at its beginning do not count, because they hang on how the stage was driven before it,"
+    " which nobody recorded. A record that begins earlier, or a full stroke before the run, avoids that."
+)
 
 
 def of_readings(found: Hypothesis) -> list[str]:
@@ -73,4 +77,5 @@ def of_samples(runs: Sequence[RunData]) -> list[str]:
     """Of each run with samples that do not count, how many and why; gaps first, then readings that stand alone."""
     counts = {run.record.name: int(np.count_nonzero(lost_turns(run.record))) for run in runs}
     lost = [_LOST_TURNS.format(name=name, count=count) for name, count in counts.items() if count]
-    return [*lost, *(f"{sentence}." for run in runs for sentence in told(run.record, run.spikes))]
+    reached = [_REACHED.format(name=run.record.name, count=run.since) for run in runs if run.since]
+    return [*lost, *reached, *(f"{sentence}." for run in runs for sentence in told(run.record, run.spikes))]

@@ -19,8 +19,8 @@ from scipy import optimize
 
 from pzt_ros.diagnosis.coordinates import Coordinate, of_effect
 from pzt_ros.diagnosis.counts import counts_before
-from pzt_ros.diagnosis.data import FIT, SELECTION, seen_through
-from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.data import FIT, SELECTION, RunData, seen_through
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.effects.effect import Effect
 from pzt_ros.effects.insert import with_effect
@@ -150,6 +150,16 @@ class Screen:
         found: Array = np.linalg.qr(self._ahead[:, free])[0]
         return found
 
+    @cached_property
+    def _fading(self) -> Screen:
+        """The same for an effect that remembers, without what that does to runs with a past that nobody recorded.
+
+        With it in the misfit of the base the screen did not see a creep of stages that were left within minor loops.
+        """
+        found = self.hypothesis
+        runs = [replace(run, fades=run.poled or run.begins_driven) for run in found.staged.runs]
+        return Screen(fitted(replace(found.staged, runs=runs), found.vector, found.effects, most_steps=0))
+
     def best(self, effect: Effect) -> Prospect | None:
         """The start of an effect that promises most; None where none can be evaluated."""
         prospects = []
@@ -215,10 +225,11 @@ class Screen:
         added = [self._within_sight(effect, each) for each in of_effect(effect, link, runs)]
         chain = with_effect(hypothesis.staged.chain, link)
         base = hypothesis.staged
+        if _of_fading(seen_through(chain, base.runs)) != _of_fading(base.runs):
+            return self._fading._prospect(effect, link, given)
         staged = replace(
             base,
             chain=chain,
-            runs=seen_through(chain, base.runs),
             coordinates=(*base.coordinates, *added),
             given=(*base.given, *given),
         )
@@ -305,6 +316,10 @@ class Screen:
                 amounts = np.asarray(np.linalg.lstsq(ahead, -left, rcond=1e-10)[0], dtype=float)
             left = left + ahead @ amounts
             return float(left @ left) / left.size
+
+
+def _of_fading(runs: Sequence[RunData]) -> list[bool]:
+    return [run.fades for run in runs]
 
 
 def _bounded(columns: Array, wanted: Array, low: Array, high: Array) -> Array:

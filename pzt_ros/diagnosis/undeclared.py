@@ -23,6 +23,7 @@ from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
+from pzt_ros.diagnosis.reach_of_pasts import where_no_past_reaches
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import shaped
 from pzt_ros.diagnosis.staged import Progress
@@ -98,7 +99,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     chain = default_chain(runs)
     progress("fitting a polycrystal")
     virgin = plain = begun(chain, runs)
-    found = as_poled(virgin, is_declared=False)
+    found = where_no_past_reaches(virgin, as_poled(virgin, is_declared=False), workers)
     if max(found.ratios) > asked.floor:
         found = shaped(found)
     if asked.floor < max(found.ratios) <= asked.near_floor:

@@ -12,9 +12,9 @@ from pzt_ros.physics.signals import Array
 _TIMES = 0.1 * np.power(4.0, np.arange(5.0))  # s, to 26
 
 
-def fading_curves(time: Array, longest: float = math.inf) -> Array:
-    """What dies out from the first of some times on [s, shape (n,)], in `longest` [s] at most [1, shape (n, k)]."""
-    return _curves(time - time[0], _TIMES[longest >= _TIMES])
+def fading_curves(time: Array, longest: float = math.inf, since: int = 0) -> Array:
+    """What dies out from one of some times on [s, shape (n,)], in `longest` [s] at most [1, shape (n, k)]."""
+    return _curves(np.maximum(time - time[since], 0.0), _TIMES[longest >= _TIMES])
 
 
 def fading_course(time: Array, begin: float, sizes: Sequence[float]) -> Array:

@@ -12,11 +12,13 @@ from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.fading import fading_curves
+from pzt_ros.sysid.reach import first_unreached
 from pzt_ros.sysid.run import FIRST, Span, Start, free_run
 from pzt_ros.sysid.run_in import fades, running_in
 from pzt_ros.sysid.thinning import thinned
 from pzt_ros.sysid.turning_points import turning_points
 
+_LIVES = 0.05  # of its size at first, of what dies out, in the first sample that counts
 _TOLD = 2.0  # times as long as it is seen may take what dies out
 
 
@@ -76,6 +78,12 @@ def _passing(part: CountedPart, others: NDArray[np.intp]) -> CountedPart:
     )
 
 
+def unreached_part(part: CountedPart) -> CountedPart:
+    """The same without the samples that a past reaches."""
+    since = first_unreached(part.record.voltage, part.picks)
+    return replace(part, picks=part.picks[part.picks >= since])
+
+
 def displacement_of(chain: Chain, part: CountedPart, start: Start) -> Array:
     """Of a chain at the counted samples [m]."""
     return free_run(chain, part.record, start, part.picks, part.end).displacement
@@ -93,10 +101,14 @@ def with_offset(chain: Chain, part: CountedPart, start: Start) -> Start:
 
 
 def reading_beyond(left: Array, fading: Array) -> tuple[float, tuple[float, ...]]:
-    """Offset and sizes of fading curves [1, shape (n, k)] that fit best what a model leaves [m, (n,)] [m]."""
-    columns = np.column_stack((np.ones(left.size), fading))
-    offset, *sizes = (float(size) for size in np.linalg.lstsq(columns, left, rcond=None)[0])
-    return offset, tuple(sizes)
+    """Offset and sizes of fading curves [1, shape (n, k)] that fit best what a model leaves [m, (n,)] [m].
+
+    Of a curve that has died out before nothing is told.
+    """
+    lives = np.max(fading, axis=0, initial=0.0) > _LIVES
+    columns, sizes = np.column_stack((np.ones(left.size), fading[:, lives])), np.zeros(lives.size)
+    offset, *sizes[lives] = np.linalg.lstsq(columns, left, rcond=None)[0]
+    return float(offset), tuple(float(size) for size in sizes)
 
 
 def dying_out(chain: Chain, part: CountedPart) -> Array:
@@ -107,4 +119,4 @@ def dying_out(chain: Chain, part: CountedPart) -> Array:
     time = part.record.time
     if not fades(chain, part.record, part.poled):
         return np.zeros((part.picks.size, 0))
-    return fading_curves(time, _TOLD * float(time[part.end - 1] - time[0]))[part.picks]
+    return fading_curves(time, _TOLD * float(time[part.end - 1] - time[part.picks[0]]))[part.picks]
