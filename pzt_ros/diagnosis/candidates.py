@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit
 from pzt_ros.effects.table import EFFECT_OF
 
+_QUIET, _NEARLY_ALL = 1.15, 0.9  # rms over noise of what chooses, and of every run in the end; share of the excess
+
 
 @dataclass(frozen=True, eq=False)  # two of one effect are two refits, and what they hold are arrays
 class Candidate:
@@ -59,6 +61,11 @@ class Candidate:
         return share_of(self.before, self.after)
 
     @property
+    def is_all_but_quiet(self) -> bool:
+        """Whether it is nearly all that is missing, and what chooses hardly shows anything."""
+        return _is_all_but_quiet(self.before, self.after)
+
+    @property
     def fit_size(self) -> float:
         """Rms that it explains in units of the noise, in the fitted run where that is most."""
         return self._size(self.before.staged.fitted)
@@ -74,8 +81,24 @@ class Candidate:
 
 
 def share_of(before: Hypothesis, after: Hypothesis) -> float:
-    """Of the excess over the noise that is explained, the smaller of both kinds of parts [-]."""
+    """Of the excess over the noise that is explained, the smaller of both kinds of parts [-].
+
+    Of both together where what chooses hardly shows anything, and nearly all is explained: steps that a mode rings
+    after may all be in fitted runs, and the rest is what a base is off by.
+    """
+    if _is_all_but_quiet(before, after):
+        return _together(before, after)
     return min(_share(before.fit, after.fit), _share(before.selection, after.selection))
+
+
+def _is_all_but_quiet(before: Hypothesis, after: Hypothesis) -> bool:
+    """Whether nearly all is explained, down to near the noise in every run, and what chooses was near it before."""
+    is_quiet = max(before.selection.ratio, *after.ratios) <= _QUIET and after.selection.total < before.selection.total
+    return is_quiet and _together(before, after) >= _NEARLY_ALL
+
+
+def _together(before: Hypothesis, after: Hypothesis) -> float:
+    return (before.total - after.total) / before.excess
 
 
 def _share(before: Misfit, after: Misfit) -> float:

@@ -72,7 +72,8 @@ class Judge:
         """Whether it shows itself, where it was fitted and where not, beyond what noise that remembers itself does."""
         asked = self.thresholds
         shows = candidate.fit_gain > asked.fit_gain and candidate.fit_size > asked.size
-        ahead = candidate.selection_gain > asked.selection_gain and candidate.selection_size > asked.selection_size
+        is_seen = candidate.selection_size > asked.selection_size or candidate.is_all_but_quiet
+        ahead = candidate.selection_gain > asked.selection_gain and is_seen
         return ahead and (shows or self.is_foretold(candidate))
 
     def is_foretold(self, candidate: Candidate) -> bool:
