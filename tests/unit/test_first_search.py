@@ -605,6 +605,26 @@ def test_easily_taken_for_one_another_but_one_explains_far_more(left: float, riv
     assert Search(Thresholds().on_flexible()).is_as_good(bandwidth, lag) is tied
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "is_all"),
+    [
+        ((2.74, 1.07), (1.06, 1.05), True),  # an examiner's mode: every step was in a fitted run
+        ((2.74, 1.07), (1.06, 1.08), False),  # what chooses speaks against it
+        ((2.74, 1.07), (1.3, 1.05), False),  # something else is missing, too
+        ((2.74, 1.3), (1.06, 1.29), False),  # what chooses has something to be explained
+        ((1.1, 1.07), (1.06, 1.06), False),  # no more than what a base is off by
+    ],
+)
+def test_what_nearly_all_fitted_runs_tell_need_not_show_where_nothing_is_left(
+    before: tuple[float, float], after: tuple[float, float], is_all: bool
+) -> None:
+    found = Candidate("mechanical_resonance", leaving(*before), leaving(*after))
+    found.before.staged.fitted, found.before.choosing = [0], [1]  # type: ignore[misc]
+    assert found.is_all_but_quiet is is_all
+    assert (found.share >= Thresholds().whole) is is_all
+    assert Search(Thresholds().on_flexible()).is_significant(found) is is_all
+
+
 @pytest.mark.parametrize(("left", "rival", "tied"), [(1.6, 5.4, False), (1.6, 1.9, True), (3.0, 5.4, True)])
 def test_beside_one_that_leaves_far_less_another_does_not_tie_for_what_is_left(
     left: float, rival: float, tied: bool
