@@ -22,6 +22,7 @@ from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.effects.strain_polarization_lag import StrainPolarizationLag
 from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.effects.thermal_expansion import ThermalExpansion
 
@@ -133,6 +134,17 @@ EFFECTS: tuple[Effect, ...] = (
         additive=("spread_below", "spread_above"),
         absence="a loop of displacement over polarization that does not depend on the rate",
         next_experiment="bipolar loops at two rates with polarization recorded: strain over P shows the loop",
+    ),
+    Effect(
+        link=StrainPolarizationLag,
+        place=AT_POLARIZATION,
+        amplitude="lagging_share",
+        starts=_grid(lagging_share=(1e-3,), play=(0.003, 0.01, 0.03, 0.1)),
+        free=("lagging_share", "play"),
+        needs=("polarization_C_per_m2",),
+        absence="a loop of displacement over recorded polarization that does not depend on the rate, run through late",
+        next_experiment="bipolar loops at two rates with polarization recorded: strain over P shows the loop",
+        variant_of="strain_polarization_hysteresis",
     ),
     Effect(
         link=LoadStiffness,

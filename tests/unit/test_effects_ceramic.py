@@ -14,6 +14,7 @@ from pzt_ros.effects.insert import with_effect
 from pzt_ros.effects.leakage import Leakage
 from pzt_ros.effects.polarization_fatigue import PolarizationFatigue
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.effects.strain_polarization_lag import StrainPolarizationLag
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.link import AMPLIFIER, Link
 from pzt_ros.physics.signals import Array, Rest, Signals
@@ -154,6 +155,20 @@ def test_inverse_of_the_pair_gives_the_polarization_back(strain: Link, spread: f
     polarization = triangle(0.1, 0.3, 0.05, 0.25, 0.22, 0.24, 0.1)
     _, out = pair.step(pair.init(Rest()), of_polarization(polarization))
     _, back = pair.invert(pair.init(Rest()), Signals(out.time, displacement=out.displacement))
+    np.testing.assert_allclose(back.polarization, polarization, rtol=0, atol=1e-13)
+
+
+def test_strain_that_lags_follows_a_share_of_a_play() -> None:
+    """An examiner's hysteresis between strain and polarization, of the other sign than the thesis saw."""
+    polarization = triangle(0.0, 0.3, 0.05, 0.25, 0.22, 0.24, 0.1)
+    link = StrainPolarizationLag(lagging_share=0.15, play=0.012)
+    held, played = 0.0, []
+    for value in polarization:
+        held = min(max(held, value - 0.012), value + 0.012)
+        played.append(held)
+    straining = stepped(link, of_polarization(polarization)).straining
+    np.testing.assert_allclose(straining, 0.85 * polarization + 0.15 * np.array(played), rtol=0, atol=1e-15)
+    _, back = link.invert(link.init(Rest()), Signals(np.arange(straining.size) * 1.0, strain_polarization=straining))
     np.testing.assert_allclose(back.polarization, polarization, rtol=0, atol=1e-13)
 
 
