@@ -94,10 +94,20 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     elements = Elements(declared, on_elements)
     base = _poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
     if base is not None:
-        return _searched(bases._replace(declared=base, relays=None), asked, progress, workers, limit)
+        return _begun_anew(bases._replace(declared=base, relays=None), search)
     sooner = _sooner(bases, elements, densities, search)
     if sooner or limit.is_over():
         return [_on_declared(declared, ()), *(sooner or (*elements.searched, *densities.searched))]
+    return _beside_effects(bases, elements, densities, search)
+
+
+def _begun_anew(bases: Bases, search: Search) -> list[Branch]:
+    return _searched(bases, search.thresholds, search.progress, search.workers, search.limit)
+
+
+def _beside_effects(bases: Bases, elements: Elements, densities: Densities, search: Search) -> list[Branch]:
+    """On the declared base with effects; begun anew where one shows another past, or a better place, of that base."""
+    declared, asked, limit = bases.declared, search.thresholds, search.limit
     beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_flexible()), asked)
     trial = dataclasses.replace(search, thresholds=asked.on_trial(), is_told=beside.tell_soon)
     steps = trial.run(declared)
@@ -110,16 +120,27 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     on_shapes = _on_shapes(declared, shaped(declared), search) if are_shapes_all else None
     if on_shapes is not None:
         return [on_shapes]
-    base = _poled_instead(steps[0].candidates, asked) if is_far_off else None
-    if base is None and not search.explains(steps, declared):
-        base = _unreached_instead(steps[0].candidates, asked)
+    base = None if search.explains(steps, declared) else _with_other_pasts(steps, asked)
     if base is not None and not limit.is_over():
-        return _searched(bases._replace(declared=base, relays=None), asked, progress, workers, limit)
+        return _begun_anew(bases._replace(declared=base, relays=None), search)
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
         return [_on_declared(declared, tuple(steps)), *on_densities(densities, asked)]
     better = _better(declared, steps)
     if better is not declared and not limit.is_over():  # what it had not come down by may be all that was explained
-        return _searched(bases._replace(declared=better), asked, progress, workers, limit)
+        return _begun_anew(bases._replace(declared=better), search)
+    return _ended(declared, steps, beside, elements, densities, search)
+
+
+def _ended(
+    declared: Hypothesis,
+    steps: list[Step],
+    beside: BesideEffects,
+    elements: Elements,
+    densities: Densities,
+    search: Search,
+) -> list[Branch]:
+    """Two effects at once, other laws and shapes, readings that wander, and where that is not all the other bases."""
+    asked, limit = search.thresholds, search.limit
     if not search.explains(steps, declared) and search.is_half_told(steps):
         # minutes sooner than by way of every other base
         undecided = dataclasses.replace(steps[0], accepted=(), tied=())
@@ -220,6 +241,12 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
         return False
     others = [other for other in (bases.relays, elements.base) if other is not None]
     return all(other.excess > asked.outdone * declared.excess for other in others)
+
+
+def _with_other_pasts(steps: Sequence[Step], asked: Thresholds) -> Hypothesis | None:
+    """The base with its runs from rest poled before, or without what a past reaches, where an effect shows that."""
+    poled = _poled_instead(steps[0].candidates, asked) if steps[-1].after.fit.ratio > asked.in_sight else None
+    return _unreached_instead(steps[0].candidates, asked) if poled is None else poled
 
 
 def _unreached_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hypothesis | None:
