@@ -46,11 +46,10 @@ def where_no_past_reaches(virgin: Hypothesis, found: Hypothesis, workers: Worker
 
 
 def unreached_beside(found: Hypothesis, share: float) -> Hypothesis | None:
-    """A model with effects fitted to the samples that no past of its runs from rest reaches; None if it tells no past.
+    """A model with effects fitted to the samples that no past of its runs from rest reaches.
 
-    Nor where it leaves more than a share of the excess.
-
-    Beside an effect that is missing pasts that are taken for others leave hardly more than none.
+    Without the effect, pasts that were taken for others may leave hardly more than none. None where it leaves more than
+    a share of the excess, or short pasts do not describe the other samples.
     """
     staged = found.staged
     if not found.effects or staged.has_past or any(run.since for run in staged.runs):

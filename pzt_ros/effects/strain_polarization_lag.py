@@ -18,8 +18,8 @@ from pzt_ros.quantities import parameter
 class StrainPolarizationLag(Link):
     """A share of the polarization that strains follows P by a play operator: (1 - c) P + c play(P).
 
-    The other sign of `StrainPolarizationHysteresis`, of a grain that strains only when its neighbours let it. Without a
-    record of P it is one more play in the hysteresis of the ceramic, and no effect of its own.
+    The other sign of `StrainPolarizationHysteresis`. Without a record of P it is one more play in the hysteresis of the
+    ceramic, and no effect of its own.
     """
 
     kind: ClassVar[str] = "strain_polarization_lag"

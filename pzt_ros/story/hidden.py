@@ -46,6 +46,7 @@ HIDDEN: tuple[Hidden, ...] = (
 
 LEFT_OUT: dict[str, str] = {
     "strain_polarization_hysteresis": "the diagnosis does not find its way to it from a model fitted without it",
+    "strain_polarization_lag": "is found only where the polarization is recorded, which the story does not",
     "amplifier_bandwidth": "the bag holds the voltage across the ceramic, so a slow amplifier is no error of the model",
     "amplifier_current_limit": "as the bandwidth of the amplifier",
     "amplifier_charge_limit": "as the bandwidth of the amplifier",
