@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.table import EFFECT_OF
 
-_QUIET, _NEARLY_ALL = 1.15, 0.9  # rms over noise of what chooses, and of every run in the end; share of the excess
+_QUIET, _NEARLY_ALL = Thresholds.near_floor, Thresholds.whole  # of what chooses and of every run; of the excess
 
 
 @dataclass(frozen=True, eq=False)  # two of one effect are two refits, and what they hold are arrays

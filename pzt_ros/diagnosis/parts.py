@@ -10,9 +10,8 @@ import numpy as np
 from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.identified_problem import MeasuredRun
+from pzt_ros.sysid.reach import first_unreached
 from pzt_ros.sysid.run import Start, drive_before
-
-_LEAST = 0.2  # of the samples that count, which have to be left
 
 Past = tuple[Array, Array]
 """Of a run: when the drive went where, over the first sample [s], and across the ceramic [V] [each shape (n,)]."""
@@ -92,6 +91,5 @@ def _wiped_out(run: MeasuredRun) -> MeasuredRun:
 
     As it is where few would be left.
     """
-    both = max(int(np.argmin(run.voltage)), int(np.argmax(run.voltage)))
-    counted = run.counted & (np.arange(run.time.size) >= both)
-    return run.part(counted) if np.count_nonzero(counted) >= _LEAST * np.count_nonzero(run.counted) else run
+    since = first_unreached(run.voltage, np.flatnonzero(run.counted), close=0.0)
+    return run.part(run.counted & (np.arange(run.time.size) >= since))
