@@ -66,6 +66,8 @@ def model_of(hypothesis: Hypothesis, name: str, command: str) -> Chain:
     per_run = sorted({each.parameter for each in staged.coordinates if each.run is not None})
     past = usual_past([starts[n] for n in staged.fitted], [staged.runs[n].begins_driven for n in staged.fitted])
     other: dict[str, Any] = {"settle_s": SETTLE_TIME, **past_as_data(past)}
+    if any(staged.runs[number].poled for number in staged.fitted):
+        other["driven_before"] = True  # states of relays say so without a reversal, and links that relax remember it
     if per_run:
         other["per_run"] = per_run
     if staged.given:

@@ -121,11 +121,12 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     known = fitted_starts(chain)
     if record.sha256 in known:
         return known[record.sha256], "as fitted to this run", 0
-    base, settle_time, expected = _rule_for_others(chain, record, list(known.values()))
+    base, settle_time, expected, was_driven = _rule_for_others(chain, record, list(known.values()))
     if "displacement_m" not in record.columns:
         return base, "no measurement to take them from: the model's history, offset 0", 0
-    is_poled = bool(base.prior_voltages) and not begins_driven(record)
-    look = _look_at(record, span, settle_time, list(expected), is_poled or fades(model, record))
+    has_past = bool(base.prior_voltages) and not begins_driven(record)
+    is_poled = has_past or (was_driven and not begins_driven(record))
+    look = _look_at(record, span, settle_time, list(expected), has_past or fades(model, record, is_poled))
     past, own = (counted_part(record, each, _MOST_TO_SETTLE, is_poled) for each in (look.past, look.own))
     noise = noise_floor(record.displacement).rms
     found = _past_of(model, past, base, list(known.values()), noise)
@@ -341,10 +342,24 @@ def fitted_starts(chain: Chain) -> dict[str, Start]:
         raise _malformed(chain, error) from None
 
 
-def _rule_for_others(
-    chain: Chain, record: Record, fitted: Sequence[Start]
-) -> tuple[Start, float, dict[str, tuple[float, float]]]:
-    """Of a run that was not fitted: history to start from, how long to look at it [s], what its own parameters may be.
+class _Rule(NamedTuple):
+    """Of a run that was not fitted.
+
+    Attributes:
+        start: history to begin from.
+        settle_time: how long its beginning is looked at [s].
+        expected: mean and spread of parameters of its own [SI].
+        was_driven: whether the stage was before the fitted runs, even where no reversals stand for that.
+    """
+
+    start: Start
+    settle_time: float
+    expected: dict[str, tuple[float, float]]
+    was_driven: bool
+
+
+def _rule_for_others(chain: Chain, record: Record, fitted: Sequence[Start]) -> _Rule:
+    """By which a run that was not fitted begins.
 
     A parameter is expected as in the fitted runs. One that goes on from run to run is known of the runs that the
     diagnosis was given, and expected of others as it is after the last of those.
@@ -361,9 +376,10 @@ def _rule_for_others(
         told = tuple((name, float(v[record.sha256])) for name, v in going.items() if record.sha256 in v)
         after = {name: float(now[name]) for name in going if name not in dict(told)}
         expected.update({name: (value, _SOON * value) for name, value in after.items()})
+        was_driven = bool(rule.get("driven_before", False))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _malformed(chain, error) from None
-    return replace(past, occupancy=occupancy, values=told), settle_time, expected
+    return _Rule(replace(past, occupancy=occupancy, values=told), settle_time, expected, was_driven)
 
 
 def _malformed(chain: Chain, error: Exception) -> BenchError:
