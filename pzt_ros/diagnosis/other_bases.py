@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
@@ -132,6 +132,25 @@ class Densities:
         is_told = self.on_relays.explains(asked) or self.on_relays.is_told(self.search.thresholds)
         return is_told and self.on_relays.may_be_named(asked)
 
+    def tell_first(self, elements: Elements, asked: Thresholds) -> bool:
+        """Whether relays that leave little more than the declared base tell nearly all with an effect, and that less.
+
+        An effect hides which of the two a stage is more like. On relays a search takes seconds, since they are linear in
+        their density and ask for no pasts of runs from rest; on a polycrystal whose density is another, minutes.
+
+        Args:
+            elements: that slip; where they leave less they are searched first.
+            asked: of an effect.
+        """
+        base, slipping = self.relays, elements.base
+        if base.excess > asked.rateless_as_near * self.declared.excess:
+            return False
+        if slipping is not None and slipping.excess <= base.excess:
+            return False
+        branch = self.on_relays
+        is_told = bool(branch.final.effects) and branch.is_told(self.search.thresholds) and branch.may_be_named(asked)
+        return is_told and self.search.with_effects(self.declared, branch.final.effects).total > branch.final.total
+
     def lattice_outdoes(self, elements: Elements, asked: Thresholds) -> bool:
         """Whether only a lattice comes near the noise, so that no search beside another base is worth its time.
 
@@ -220,7 +239,8 @@ def on_relays(relays: Hypothesis, search: Search) -> Branch:
     has_past = relays.staged.has_past
     if search.at_floor(relays) or (has_past and tells_all(relays, search.thresholds)):
         return Branch("identified", relays, ())
-    branch = _on_density(relays, search)
+    identify = partial(fit_rate_independent, progress=search.progress, workers=search.workers)
+    branch = _on_density(relays, dataclasses.replace(search, identify=None if has_past else identify))
     if not has_past or branch.explains(search.thresholds) or search.limit.is_over():
         return branch
     return BesideEffects(search, search.thresholds).on_density(branch.steps, (fit_rate_independent,)) or branch

@@ -88,6 +88,13 @@ class Seeker(Judge):
         """Effects refitted beside a base, from where it is."""
         return self._candidates(base, base)[0]
 
+    def with_effects(self, base: Hypothesis, names: Sequence[str]) -> Hypothesis:
+        """A base refitted with effects, one after another; without those that promise nothing beside it."""
+        for name in names:
+            found = replace(self, effects=(EFFECT_OF[name],)).beside(base)
+            base = found[0].after if found else base
+        return base
+
     def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
         return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)
 

@@ -52,6 +52,7 @@ class Thresholds:
         rateless_tells: rms over noise up to which they are searched then. Where nothing was declared nothing speaks for
             the base: then they are tried from the floor on, may leave `undeclared_outdone`, and may be as far off as an
             effect that they lack. (Where relays did not make the runs they left 2.7 times the excess and more.)
+        rateless_as_near: share of the excess of a base that nobody declared that relays may leave to be searched first.
         lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
             of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
@@ -136,6 +137,7 @@ class Thresholds:
     rateless_outdone: float = 0.25
     rateless_tells: float = 4.0
     undeclared_outdone: float = 0.7
+    rateless_as_near: float = 2.0
     lattice_sooner: float = 6.0
     lattice_outdone: float = 0.35
     lattice_describes: float = 1.25
