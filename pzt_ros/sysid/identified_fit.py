@@ -170,6 +170,10 @@ class IdentifiedFit:
         comparison.compare((resolution, best.rotation, other) for other in higher)
         best = comparison.best[0]
         comparison.compare((other, best.rotation, best.order) for other in finer)
+        best = comparison.best[0]
+        if best.resolution != resolution:  # a coarse grid is even anyway: two humps only show on a finer one
+            weaker = sorted((each for each in self.rotations if each < best.rotation), reverse=True)
+            comparison.compare((best.resolution, rotation, best.order) for rotation in weaker)
         return comparison
 
     def _finished(self, comparison: Comparison, runs: Sequence[MeasuredRun]) -> IdentifiedResult:
