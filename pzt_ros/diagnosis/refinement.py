@@ -24,6 +24,8 @@ from pzt_ros.errors import BenchError
 from pzt_ros.parallel import Workers
 
 REFIT_STEPS = 12
+_MANY, _ENOUGH, _FEW_STEPS = 100, 8_000, 3
+"""Unknowns beyond which refits begin on so many samples, and the steps on all of them after that."""
 _POLISHES, _COMES_DOWN = 4, 0.995  # times that the best is taken on, and what has to be left of it each time at most
 _RIVAL = 0.6  # of the best one's gain
 _AT_BOUND = 1e-6  # of the way to the other bound
@@ -41,8 +43,13 @@ def refits(prospects: Sequence[Prospect], effects: tuple[str, ...], workers: Wor
 
 
 def _refit(begin: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
+    names, steps = (*effects, begin.effect.name), REFIT_STEPS
     with suppress(BenchError):
-        return fitted(begin.staged, begin.best_start(), (*effects, begin.effect.name), REFIT_STEPS)
+        start = begin.best_start()
+        sparse = begin.staged.sparse(_ENOUGH)
+        if start.size > _MANY and sparse is not begin.staged:
+            start, steps = fitted(sparse, start, names, steps).vector, _FEW_STEPS
+        return fitted(begin.staged, start, names, steps)
     return None
 
 

@@ -33,11 +33,9 @@ class Search(Seeker):
 
     Attributes:
         is_told: whether what was found so far is all, although something is left beside it; then the search ends.
-        identify: a density anew beside an effect; none where that takes long, or there is nothing to identify.
     """
 
     is_told: Callable[[Sequence[Step]], bool] = lambda steps: False
-    identify: Callable[[Hypothesis], Hypothesis] | None = None
 
     def run(self, base: Hypothesis) -> list[Step]:
         """Add effects one by one until what is left is noise, or no more than their shapes are off by."""
@@ -203,8 +201,8 @@ class Search(Seeker):
         further = self._further_promise(before) if before.effects else 0.0
         most = min(before.total - further * before.excess, before.total_at(self.thresholds.hopeless))
         candidates, refused = self._from_anywhere(before, most)
-        if not self.limit.is_over():
-            candidates = self._on_own_densities(polished(candidates, self.thresholds, self.workers))
+        if self.identify is None and not self.limit.is_over():  # a density identified beside each is at its bottom
+            candidates = polished(candidates, self.thresholds, self.workers)
         sound = [c for c in candidates if self.is_significant(c)]
         if not sound:
             return Step(before, candidates, refused, (), (), self._nothing(before))
@@ -224,20 +222,6 @@ class Search(Seeker):
             f"the best, {winner.name}, explains {winner.share:.0%} of the excess, {self.thresholds.share:.0%} is asked"
         )
         return Step(before, candidates, refused, (), (), verdict, base_instead)
-
-    def _on_own_densities(self, candidates: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
-        """Those that explain enough where they were fitted, each on a density identified beside it.
-
-        One that was identified without an effect has bent for it, and so has its law of strain, which shows where it
-        was not fitted: beside a creep 2.9 x the noise was left there, and 1.0 x on a density identified beside the two.
-        """
-        bent = [each for each in candidates if each.fit_share >= self.thresholds.share]
-        if self.identify is None or not bent:
-            return candidates
-        afters = self.workers.map(self.identify, [each.after for each in bent])
-        told = {c.name: min(c.after, after, key=_total) for c, after in zip(bent, afters, strict=True)}
-        found = [replace(each, after=told.get(each.name, each.after)) for each in candidates]
-        return tuple(sorted(found, key=lambda c: c.after.total))
 
     def _further_promise(self, before: Hypothesis) -> float:
         asked = self.thresholds
@@ -344,10 +328,6 @@ class Search(Seeker):
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
-
-
-def _total(found: Hypothesis) -> float:
-    return found.total
 
 
 def _ending_at(steps: Sequence[Step], found: Hypothesis) -> list[Step]:

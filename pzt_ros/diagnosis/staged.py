@@ -93,6 +93,22 @@ class Staged:
         """Whether a run begins driven, so that its start is unknown."""
         return any(run.begins_driven for run in self.runs)
 
+    def sparse(self, samples: int) -> Staged:
+        """The same with so many samples fitted in all, of every run as large a share; itself where those are all.
+
+        They are drawn by chance, though the same each time: every tenth might see a hum stand still.
+        """
+        counted = sum(self.runs[number].picks[FIT].size for number in self.fitted)
+        if counted <= samples:
+            return self
+        chance = np.random.default_rng(0)
+        runs = list(self.runs)
+        for number in self.fitted:
+            picks = runs[number].picks[FIT]
+            drawn = np.sort(chance.choice(picks, -(-picks.size * samples // counted), replace=False))
+            runs[number] = dataclasses.replace(runs[number], picks={**runs[number].picks, FIT: drawn})
+        return dataclasses.replace(self, runs=runs)
+
     def residuals(self, vector: Array) -> list[Array]:
         """Misfit of every fitted run."""
         outputs = self.outputs(vector, self.fitted)
