@@ -135,7 +135,7 @@ class Densities:
     def tell_first(self, elements: Elements, asked: Thresholds) -> bool:
         """Whether relays that leave little more than the declared base tell nearly all with an effect, and that less.
 
-        An effect hides which of the two a stage is more like. On relays a search takes seconds, since they are linear in
+        An effect hides which of the two a stage is more like. On relays a search takes seconds, for they are linear in
         their density and ask for no pasts of runs from rest; on a polycrystal whose density is another, minutes.
 
         Args:
