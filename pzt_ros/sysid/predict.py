@@ -25,6 +25,7 @@ from pzt_ros.sysid.run_in import fades
 from pzt_ros.sysid.spikes import without_spikes
 from pzt_ros.sysid.start import CountedPart, counted_part, dying_out, misfit_at, unreached_part, with_offset
 from pzt_ros.sysid.start_notes import past_from_data, start_from_data
+from pzt_ros.sysid.usual_fading import with_usual_fading
 
 _FEWEST_TO_SETTLE = 8
 _MOST_TO_SETTLE = 20_000
@@ -132,7 +133,10 @@ def _start_of(chain: Chain, model: Chain, record: Record, span: Span) -> tuple[S
     found = _past_of(model, past, base, list(known.values()), noise)
     start = _with_own_values(model, own, base, found, expected, noise)
     start = _told_together(model, own, base, start, expected, noise)
-    return _read_late(model, own, start, noise), look.rule, look.told
+    late = _read_late(model, own, start, noise)
+    if is_poled and late is start:
+        late = with_usual_fading(model, own, start, list(known.values()), noise)
+    return late, look.rule, look.told
 
 
 def _read_late(model: Chain, counted: CountedPart, found: Start, noise: float) -> Start:
