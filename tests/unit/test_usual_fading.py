@@ -57,7 +57,7 @@ def test_the_half_that_was_not_looked_at_is_predicted(part: CountedPart) -> None
     assert found.offset == pytest.approx(OFFSET, abs=3e-8)
 
 
-@pytest.mark.parametrize("fitted", [ALIKE[:1], [Start(), Start()], []])
+@pytest.mark.parametrize("fitted", [ALIKE[:1], [Start(), Start()], [], [*ALIKE, Start(fading=tuple(-SIZES))]])
 def test_runs_that_say_nothing_leave_it_as_it_is(part: CountedPart, fitted: list[Start]) -> None:
     told = Start(offset=OFFSET, fading=(1e-9,))
     assert with_usual_fading(CHAIN, part, told, fitted, NOISE) is told
