@@ -254,7 +254,8 @@ def _on_own_densities(relays: Hypothesis, search: Search) -> Branch:
     No density is off by that then. A creep had taken the places of a delay and a drift, and left 1.2 x the noise.
     """
     branch, asked = _on_density(relays, search), search.thresholds
-    if not asked.floor < branch.final.fit.ratio <= asked.rateless_nameable or branch.explains(asked):
+    is_near = asked.floor < branch.final.fit.ratio <= asked.rateless_nameable
+    if not is_near or branch.explains(asked) or not branch.steps[0].accepted:  # two were tried where none was enough
         return branch
     undecided = dataclasses.replace(branch.steps[0], accepted=(), tied=())
     paired = search.with_pair([undecided], relays)
