@@ -216,7 +216,8 @@ class Seeker(Judge):
         if self.identify is None or not bent:
             return found
         afters = self.workers.map(self.identify, [each.after for each in bent])
-        told = {c: min(c.after, after, key=_total) for c, after in zip(bent, afters, strict=True)}
+        pairs = zip(bent, afters, strict=True)
+        told = {each: min(each.after, after, key=lambda found: found.total) for each, after in pairs}
         return [replace(each, after=told.get(each, each.after)) for each in found]
 
     def _finished(self, rivals: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -267,10 +268,6 @@ def _one_of_alike(before: Hypothesis, prospects: Sequence[Prospect]) -> list[Pro
             is_more = promised[effect.name] > _MORE_THAN_ALIKE * promised[effect.variant_of]
             dropped.add(effect.variant_of if is_more else effect.name)
     return [prospect for prospect in prospects if prospect.effect.name not in dropped]
-
-
-def _total(found: Hypothesis) -> float:
-    return found.total
 
 
 def _left(prospect: Prospect) -> float:
