@@ -241,14 +241,14 @@ def on_relays(relays: Hypothesis, search: Search) -> Branch:
         return Branch("identified", relays, ())
     if not has_past:
         identify = partial(fit_rate_independent, progress=search.progress, workers=search.workers)
-        return _on_own_densities(relays, dataclasses.replace(search, identify=identify))
+        return _on_relays_from_rest(relays, dataclasses.replace(search, identify=identify))
     branch = _on_density(relays, search)
     if branch.explains(search.thresholds) or search.limit.is_over():
         return branch
     return BesideEffects(search, search.thresholds).on_density(branch.steps, (fit_rate_independent,)) or branch
 
 
-def _on_own_densities(relays: Hypothesis, search: Search) -> Branch:
+def _on_relays_from_rest(relays: Hypothesis, search: Search) -> Branch:
     """The search on relays identified beside each effect; where that leaves little, yet something, two at once.
 
     No density is off by that then. A creep had taken the places of a delay and a drift, and left 1.2 x the noise.

@@ -46,8 +46,8 @@ def _refit(begin: Prospect, effects: tuple[str, ...]) -> Hypothesis | None:
     names, steps = (*effects, begin.effect.name), REFIT_STEPS
     with suppress(BenchError):
         start = begin.best_start()
-        sparse = begin.staged.sparse(_ENOUGH)
-        if start.size > _MANY and sparse is not begin.staged:
+        sparse = begin.staged.sparse(_ENOUGH) if start.size > _MANY else begin.staged
+        if sparse is not begin.staged:
             start, steps = fitted(sparse, start, names, steps).vector, _FEW_STEPS
         return fitted(begin.staged, start, names, steps)
     return None

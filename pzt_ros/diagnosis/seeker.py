@@ -46,7 +46,8 @@ class Seeker(Judge):
         sooner: those of them that are tried before the base itself, which went astray.
         is_lost: whether no origin helps, for the base is wrong; asked where no effect explains half, nor do two all.
         limit: after which what was found until then has to do.
-        identify: a density anew beside an effect; none where that takes long, or there is nothing to identify.
+        identify: a density anew beside an effect, whose refit is not polished then; none where that takes long, or
+            there is nothing to identify.
     """
 
     effects: Sequence[Effect] = EFFECTS
