@@ -106,9 +106,13 @@ class GraphNode(Node):
         publisher = self.create_publisher(TYPES[topic.type], topic.name, self._qos(topic, QOS[topic.qos].sender_depth))
         return IntraProcessPublisher(publisher, self.intra_process) if self.intra_process else publisher
 
-    def hear(self, topic: Topic, callback: Callable[[Any], None], *, raw: bool) -> None:
-        """Call `callback` with every message on a topic, as bytes where it is `raw`."""
-        heard = self.create_subscription(TYPES[topic.type], topic.name, callback, self._qos(topic), raw=raw)
+    def hear(self, topic: Topic, callback: Callable[[Any], None], *, raw: bool, depth: int | None = None) -> None:
+        """Call `callback` with every message on a topic, as bytes where it is `raw`.
+
+        Args:
+            depth: how many are kept for a node that is late; the topic's own by default.
+        """
+        heard = self.create_subscription(TYPES[topic.type], topic.name, callback, self._qos(topic, depth), raw=raw)
         if self.intra_process:
             self.intra_process.listen(heard.topic_name, callback)
 
@@ -126,8 +130,8 @@ class GraphNode(Node):
             return client
         return IntraProcessClient(client, self.resolve_service_name(name), self.intra_process)
 
-    def listen(self, name: str, callback: Callable[[Block], None]) -> None:
-        """Call `callback` with every block on a topic; what is no block as the table has it is counted and dropped."""
+    def listen(self, name: str, callback: Callable[[Block], None], depth: int | None = None) -> None:
+        """As `hear`, with blocks; what is no block as the table has it is counted and dropped."""
         topic = TOPICS[name]
 
         def receive(data: bytes) -> None:
@@ -138,7 +142,7 @@ class GraphNode(Node):
                 return
             callback(block)
 
-        self.hear(topic, receive, raw=True)
+        self.hear(topic, receive, raw=True, depth=depth)
 
     def listen_to_health(self, callback: Callable[[str, str, str, dict[str, str]], None]) -> None:
         """Call `callback` with what each node of this axis says of itself: role, level, one line, values."""

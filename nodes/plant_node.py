@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+from pzt_config.qos import QOS
+from pzt_config.topics import TOPICS
 from pzt_nodes.graph_node import GraphNode
 from pzt_nodes.latency import LatencyLog
 from pzt_nodes.neighbour import Neighbour
@@ -40,7 +42,8 @@ class PlantNode(GraphNode):
         self._responses = LatencyLog()
         named = declare_text(self, "neighbour", "", "namespace of an axis whose motion this one feels")
         self._neighbour = Neighbour(self, named) if named else None
-        self.listen("applied", self._on_applied)
+        # A ramp to 0 V waits for nobody, and a real stage misses none of it.
+        self.listen("applied", self._on_applied, QOS[TOPICS["applied"].qos].sender_depth)
         self.listen_to_health(self._on_health)
         self.create_timer(0.05, self._watch)
 

@@ -78,6 +78,25 @@ def test_a_node_that_hangs_is_named(tmp_path: Path, victim: str) -> None:
     check_stage_stayed_with(graph)
 
 
+def test_a_plant_without_processor_time_misses_nothing_of_a_ramp(tmp_path: Path) -> None:
+    with GraphProcess(write(tmp_path, LONG_HOLD), tmp_path / "run", "--real-time") as graph:
+        with ForeignNode(graph.domain) as foreign:
+            reach_hold(graph, foreign)
+            plant, applied = graph.node("plant"), foreign.heard["/stage/applied"]
+            discharge = foreign.node.create_client(Trigger, "/stage/discharge")
+            discharge.call_async(Trigger.Request())
+            foreign.spin_until(lambda: applied[-1].data[-3] < 90.0)
+            plant.suspend()
+            foreign.spin_until(lambda: applied[-1].data[-3] < 20.0)  # 28 blocks later
+            plant.resume()
+            foreign.spin_until(lambda: applied[-1].data[-3] == 0.0)
+        graph.interrupt()
+        code, said = graph.wait()
+    assert code == 0, said
+    check_way_down(graph)
+    check_stage_stayed_with(graph)
+
+
 def test_a_second_sender_of_commands_is_a_fault(tmp_path: Path) -> None:
     with GraphProcess(write(tmp_path, LONG_HOLD), tmp_path / "run", "--real-time") as graph:
         with ForeignNode(graph.domain) as foreign:
