@@ -10,6 +10,7 @@ import shutil
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -190,6 +191,26 @@ def test_a_first_rise_is_compared_with_a_rise() -> None:
     scaled = with_columns(falls, displacement_m=4.0 * falls.displacement)
     with pytest.raises(BenchError, match=r"back: moves by 364 nm/V where up moves by 91 nm/V"):
         check_runs([rises], [scaled])
+
+
+def test_a_first_rise_is_no_rise_like_others() -> None:
+    """An examiner's case was refused: the only rise of a run was its first, which went 3.2 times as far as others."""
+    time = np.arange(COUNT) * 1e-3
+    once = np.interp(time, [0.0, 0.4, 2.0], [0.0, 100.0, 60.0])
+    again = np.interp(time, [0.0, 0.2, 0.5, 2.0], [0.0, 100.0, 0.0, 100.0])
+    noise = NOISE * np.random.default_rng(7).standard_normal(COUNT)
+
+    def moved(voltage: Any, gain: float) -> Any:
+        before = time <= time[np.argmax(voltage > 99.5)]
+        return gain * np.where(before, voltage, 100.0 + 0.31 * (voltage - 100.0)) + noise
+
+    runs = [
+        Record(name, {"time_s": time, "voltage_V": voltage, "displacement_m": moved(voltage, gain)})
+        for name, voltage, gain in (("often", again, 160e-9), ("once", once, 160e-9), ("other", once, 660e-9))
+    ]
+    check_runs(runs[:1], runs[1:2])
+    with pytest.raises(BenchError, match=r"other: moves by 660 nm/V where often moves by 160 nm/V"):
+        check_runs(runs[:1], runs[2:])
 
 
 def test_runs_of_one_actuator_may_differ_as_a_ceramic_does() -> None:
