@@ -41,9 +41,9 @@ class Judge:
     def is_half_told(self, steps: Sequence[Step]) -> bool:
         """Whether what is missing looks like two effects, neither of which is enough alone.
 
-        So it does where two make it up between them, and where one is all that is missing where it was fitted, or where
-        not: so much is not missing by chance, and another effect hides in the others. One that was added may stand for
-        two others that make up more.
+        So it does where two make it up between them, where one explains nearly the half that is asked, as one of two of
+        a size does, and where one is all that is missing where it was fitted, or where not: so much is not missing by
+        chance, and another effect hides in the others. One that was added may stand for two others that make up more.
         """
         first, asked = steps[0], self.thresholds
         if first.accepted:
@@ -51,7 +51,8 @@ class Judge:
             return first.accepted[-1].share < asked.pair_share and bool(self.complementary(others))
         sound = [c for c in first.candidates if self.is_significant(c) and c.share > asked.half_share]
         most = max((max(c.fit_share, c.selection_share) for c in sound), default=0.0)
-        return most > asked.whole or bool(self.complementary(first.candidates))
+        nearly_half = any(c.share >= asked.nearly_half for c in sound)
+        return most > asked.whole or nearly_half or bool(self.complementary(first.candidates))
 
     def complementary(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Those that make up what two effects have to explain together with another that is not easily taken for them.

@@ -21,6 +21,7 @@ class Thresholds:
             beside those that leave less than `in_sight`, and more.
         share: of the excess over the noise that an effect has to explain, on both kinds of parts.
         half_share: that one of two effects has to explain alone.
+        nearly_half: the same for another to be sought beside it before other bases are.
         pair_share: that two effects have to explain together where neither explains `share` alone; and one beside
             another that it is easily taken for; and all names where much is left (`doubtful`).
         pair_promise: the same as the screen has to promise it, which sees along a line only.
@@ -111,6 +112,7 @@ class Thresholds:
     far_promise: float = 0.1
     share: float = 0.5
     half_share: float = 0.2
+    nearly_half: float = 0.35
     pair_share: float = 0.8
     pair_promise: float = 0.4
     floor: float = 1.05
