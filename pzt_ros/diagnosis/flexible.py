@@ -249,21 +249,17 @@ def _scale_of(found: IdentifiedResult, model: Hypothesis) -> float:
     before it was fitted, for what is reversible may have grown to twice its size for what the model lacks.
     """
     staged, problem = model.staged, found.problem
+    if problem.scale is not None:
+        return float(found.vector[problem.scale])
     was_identified = isinstance(staged.ceramic, (FlexibleHysteresis, FlexiblePreisach))
     modelled = staged.polarizations(model.vector if was_identified else staged.start)
-    wanted = [_recorded(staged.runs[n]) if staged.runs[n].has_polarization else modelled[n] for n in staged.fitted]
     identified = problem.base.polarization(found.vector[: problem.law.start], problem.voltages(found.vector))
-    return _span(wanted) / _span(identified)
+    return _span([modelled[n] for n in staged.fitted]) / _span(identified)
 
 
 def _span(polarizations: Sequence[Array]) -> float:
     """Of the run that reaches farthest [C/m^2]."""
     return max(float(np.ptp(p)) for p in polarizations)
-
-
-def _recorded(run: RunData) -> Array:
-    assert run.record.polarization is not None
-    return run.record.polarization
 
 
 def _with_law(model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, scale: float) -> Hypothesis:

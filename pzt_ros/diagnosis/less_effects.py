@@ -18,10 +18,8 @@ def less_effects(found: Hypothesis) -> list[RunData]:
     bare, vector = found.staged.without_all(behind, found.vector)
     numbers = range(len(bare.runs))
     pairs = zip(found.staged.outputs(found.vector, numbers), bare.outputs(vector, numbers), strict=True)
-    added = [y - plain for (y, _), (plain, _) in pairs]
     return [
-        _with(run, displacement_m=run.record.displacement - each)
-        for run, each in zip(found.staged.runs, added, strict=True)
+        _less(run, y - bare_y, p - bare_p) for run, ((y, p), (bare_y, bare_p)) in zip(bare.runs, pairs, strict=True)
     ]
 
 
@@ -41,6 +39,14 @@ def ceramic_alone(found: Hypothesis) -> Hypothesis:
 
 def _behind(found: Hypothesis) -> list[str]:
     return [name for name in found.effects if not found.staged.is_before(name)]
+
+
+def _less(run: RunData, displacement: Array, polarization: Array) -> RunData:
+    """A run without what is added to its readings [m, C/m^2, each shape (n,)]."""
+    columns = {"displacement_m": run.record.displacement - displacement}
+    if run.record.polarization is not None:
+        columns["polarization_C_per_m2"] = run.record.polarization - polarization
+    return _with(run, **columns)
 
 
 def _with(run: RunData, **columns: Array) -> RunData:

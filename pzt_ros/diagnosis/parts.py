@@ -55,18 +55,21 @@ def reversed_before(start: Start, gain: float) -> Past:
 def _after(past: Past, run: MeasuredRun) -> MeasuredRun:
     """A run with its past as samples that do not count."""
     time, voltage = past
+    behind = run.polarization[:1] if run.is_polarized else run.polarization
     return replace(
         run,
         time=np.append(run.time[0] + time, run.time),
         voltage=np.append(voltage, run.voltage),
         measured=np.append(np.full(time.size, run.measured[0]), run.measured),
         counted=np.append(np.zeros(time.size, dtype=bool), run.counted),
+        polarization=np.append(np.repeat(behind, time.size), run.polarization),
     )
 
 
 def _measured(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
     record = run.record
-    return MeasuredRun(record.time, voltage, record.displacement, run.noise, run.clear, unknown)
+    found = MeasuredRun(record.time, voltage, record.displacement, run.noise, run.clear, unknown)
+    return _with_polarization(found, run)
 
 
 def _choosing(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
@@ -75,9 +78,18 @@ def _choosing(run: RunData, voltage: Array, unknown: bool) -> MeasuredRun:
     early = slice(int(picks[-1]) + 1)
     counted = np.zeros(len(record), dtype=bool)
     counted[picks] = True
-    return MeasuredRun(
+    found = MeasuredRun(
         record.time[early], voltage[early], record.displacement[early], run.noise, counted[early], unknown
     )
+    return _with_polarization(found, run)
+
+
+def _with_polarization(found: MeasuredRun, run: RunData) -> MeasuredRun:
+    """With the polarization that was recorded, where it takes part."""
+    recorded = run.record.polarization
+    if not run.has_polarization or recorded is None:
+        return found
+    return replace(found, polarization=recorded[: found.time.size], polarization_noise=run.polarization_noise)
 
 
 def wiped_out(parts: Parts) -> Parts:

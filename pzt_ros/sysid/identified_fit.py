@@ -317,6 +317,9 @@ def _settled(
     if other.lag is not None and problem.lag is not None:
         start[other.lag] = vector[problem.lag]
         fixed.append(other.lag)
+    if other.scale is not None and problem.scale is not None:
+        start[other.scale] = vector[problem.scale]
+        fixed.append(other.scale)
     lower[fixed] = upper[fixed] = start[fixed]
     found = solve(other, start, lower, upper, most_steps=most_steps, tolerance=1e-4, prior=other.prior())
     return other, found.vector
@@ -340,6 +343,7 @@ def _thinned(run: MeasuredRun) -> MeasuredRun:
         measured=run.measured[kept],
         counted=run.counted[kept],
         chooses=None if run.chooses is None else run.chooses[kept],
+        polarization=run.polarization[kept] if run.is_polarized else run.polarization,
     )
 
 

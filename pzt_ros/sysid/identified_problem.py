@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -32,6 +33,8 @@ class MeasuredRun:
         counted: which samples are compared.
         unknown_start: False: the run begins in the state that `initial` of the lattice names.
         chooses: samples that are not compared but may choose between fits; None: none.
+        polarization: recorded beside the displacement [C/m^2]; empty where it takes no part.
+        polarization_noise: rms of its noise [C/m^2].
     """
 
     time: Array
@@ -41,6 +44,23 @@ class MeasuredRun:
     counted: NDArray[np.bool_]
     unknown_start: bool = True
     chooses: NDArray[np.bool_] | None = None
+    polarization: Array = field(default_factory=lambda: np.empty(0))
+    polarization_noise: float = 0.0
+
+    @property
+    def is_polarized(self) -> bool:
+        """Whether its polarization takes part."""
+        return self.polarization.size > 0
+
+    @cached_property
+    def beyond_polarization(self) -> Array:
+        """What a recorded polarization has beside it at the counted samples, orthonormal: zero, drift, leakage.
+
+        The last goes with the integral of the voltage [shape (n, 3)].
+        """
+        leaked = np.append(0.0, np.cumsum(np.diff(self.time) * 0.5 * (self.voltage[1:] + self.voltage[:-1])))
+        columns = np.column_stack((np.ones(self.time.size), self.time - self.time[0], leaked))[self.counted]
+        return np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
 
     def part(self, counted: NDArray[np.bool_]) -> MeasuredRun:
         """The same run with other samples counted."""
@@ -112,10 +132,12 @@ class IdentifiedProblem:
     """Residuals (model - measured)/noise at the counted samples, for gauss_newton.solve.
 
     The vector is that of the base, then the coefficients of the law y = y0 + s1 q + s2 q^2 + ... of the
-    centred polarization q, then a sensor lag where wanted, then of each run its offset y0 and drift.
+    centred polarization q, then a sensor lag where wanted, then what a recorded polarization is of that of the base,
+    then of each run its offset y0 and drift.
 
     Attributes:
         names, start, lower, upper: of the coordinates.
+        scale: place of what a recorded polarization is of that of the base; None where no run has one.
         known_centring: mean and scale that the law was fitted with; None: those of the runs.
     """
 
@@ -134,10 +156,13 @@ class IdentifiedProblem:
         size = len(base.names)
         self.law = slice(size, size + order)
         self.lag = size + order if lag else None
-        self.offsets = size + order + int(lag)
+        polarized = any(run.is_polarized for run in runs)
+        self.scale = size + order + int(lag) if polarized else None
+        self.offsets = size + order + int(lag) + int(polarized)
         self.per_run = 1 + int(drift)
         self.known_centring: tuple[float, float] | None = None
         self.names = [*base.names, *(f"law {power}" for power in range(1, order + 1)), *(["lag"] if lag else [])]
+        self.names += ["polarization scale"] if polarized else []
         for run in range(len(runs)):
             self.names += [f"run {run} offset", f"run {run} drift"][: self.per_run]
         extra = len(self.names) - size
@@ -149,6 +174,8 @@ class IdentifiedProblem:
             self.lower[self.lag], self.upper[self.lag] = 0.0, 20.0 * step
             self.start[self.lag] = step  # at 0, its lower bound, it would look as if the other way were better
             self._lag_step = _LAG_STEP * step
+        if self.scale is not None:
+            self.start[self.scale] = 1.0
 
     def voltages(self, vector: Array) -> list[Array]:
         """What the ceramic saw by the time of each reading [V]."""
@@ -188,15 +215,23 @@ class IdentifiedProblem:
 
     def predict(self, vector: Array) -> list[Array]:
         """The same, from the recorded voltages."""
-        return self.predicted(vector, self.base.polarization(vector[: self.law.start], self.voltages(vector)))
+        return self.predicted(vector, self._polarizations(vector))
 
     def residuals(self, vector: Array) -> list[Array]:
-        """Of each run at its counted samples."""
-        return self._compared(self.predict(vector))
+        """Of each run at its counted samples, its polarization behind its displacement."""
+        return self._compared(vector, self._polarizations(vector))
 
-    def _compared(self, predictions: Sequence[Array]) -> list[Array]:
-        pairs = zip(self.runs, predictions, strict=True)
-        return [(y - run.measured)[run.counted] / run.noise for run, y in pairs]
+    def _polarizations(self, vector: Array) -> list[Array]:
+        return self.base.polarization(vector[: self.law.start], self.voltages(vector))
+
+    def _compared(self, vector: Array, polarizations: Sequence[Array]) -> list[Array]:
+        found = []
+        for run, y, p in zip(self.runs, self.predicted(vector, polarizations), polarizations, strict=True):
+            parts = [(y - run.measured)[run.counted] / run.noise]
+            if run.is_polarized:
+                parts.append(_alone(run, (vector[self.scale] * p - run.polarization)[run.counted]))
+            found.append(np.concatenate(parts))
+        return found
 
     def linearise(self, vector: Array) -> tuple[list[Array], list[Any]]:
         """Residuals and their Jacobian, float32."""
@@ -205,10 +240,12 @@ class IdentifiedProblem:
         later = self._later(vector, voltages, polarizations)
         mean, scale = self.centring(polarizations)
         centred = [((p - mean) / scale)[run.counted] for run, p in zip(self.runs, polarizations, strict=True)]
-        jacobians = []
+        jacobians, recorded = [], []
         for number, (run, q, tangent) in enumerate(zip(self.runs, centred, tangents, strict=True)):
+            tangent = tangent[run.counted]
+            recorded.append(self._of_recorded(run, vector, tangent, polarizations[number]))
             jacobian = np.zeros((q.size, len(self.names)), dtype=np.float32)
-            jacobian[:, :size] = tangent[run.counted]
+            jacobian[:, :size] = tangent
             if self.lag is not None:
                 jacobian[:, self.lag] = later[number][run.counted]
             jacobians.append(jacobian)
@@ -220,7 +257,17 @@ class IdentifiedProblem:
                 jacobian[:, size + power - 1] = q**power / run.noise
             place, columns = self._own(number)
             jacobian[:, place : place + self.per_run] = columns[run.counted] / run.noise
-        return self._compared(self.predicted(vector, polarizations)), jacobians
+        both = [np.vstack(pair) if pair[1].size else pair[0] for pair in zip(jacobians, recorded, strict=True)]
+        return self._compared(vector, polarizations), both
+
+    def _of_recorded(self, run: MeasuredRun, vector: Array, tangent: Any, polarization: Array) -> Any:
+        """Jacobian of what is left of a recorded polarization [shape (n, p)]; no rows where there is none."""
+        if not run.is_polarized:
+            return np.empty((0, len(self.names)), dtype=np.float32)
+        found = np.zeros((len(tangent), len(self.names)), dtype=np.float32)
+        found[:, : self.law.start] = np.float32(vector[self.scale]) * tangent
+        found[:, self.scale] = polarization[run.counted]
+        return _alone(run, found)
 
     def _later(self, vector: Array, voltages: Sequence[Array], polarizations: Sequence[Array]) -> list[Array]:
         """dP/d(lag) of each run [C/(m^2 s)]."""
@@ -248,9 +295,18 @@ class IdentifiedProblem:
         found = vector.copy()
         lag = None if self.lag is None else vector[self.lag]
         found[size:] = np.linalg.lstsq(np.vstack(rows), np.concatenate(targets), rcond=None)[0]
+        if self.scale is not None:
+            found[self.scale] = self._scale_guess(polarizations)
         if self.lag is not None and lag is not None:
             found[self.lag] = lag
         return found
+
+    def _scale_guess(self, polarizations: Sequence[Array]) -> float:
+        """What recorded polarizations are of those of the base, by least squares [-]."""
+        pairs = [(run, p) for run, p in zip(self.runs, polarizations, strict=True) if run.is_polarized]
+        modelled = np.concatenate([_alone(run, p[run.counted]) for run, p in pairs])
+        recorded = np.concatenate([_alone(run, run.polarization[run.counted]) for run, _ in pairs])
+        return float(modelled @ recorded / max(float(modelled @ modelled), 1e-300))
 
     def with_law_of(self, vector: Array, other: IdentifiedProblem, found: Array) -> Array:
         """The vector with law, lag, offsets and drifts of another problem with as many runs, whose centring differs.
@@ -274,6 +330,12 @@ class IdentifiedProblem:
         """Rows and targets of the base's regularisation over the whole vector."""
         rows, targets = self.base.regularisation()
         return np.hstack([rows, np.zeros((rows.shape[0], len(self.names) - rows.shape[1]))]), targets
+
+
+def _alone(run: MeasuredRun, values: Any) -> Any:
+    """A polarization at the counted samples over its noise, less what one that is recorded has beside it."""
+    slow = run.beyond_polarization.astype(values.dtype, copy=False)
+    return (values - slow @ (slow.T @ values)) / values.dtype.type(run.polarization_noise)
 
 
 def _centre(jacobians: Sequence[Any], centred: Sequence[Array]) -> None:
