@@ -30,7 +30,7 @@ _FREE = ("field_soft", "shape_soft", "field_hard", "shape_hard")
 _STEPS = 40
 
 
-def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
+def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis:
     """Fit two elements that slip and a strain law in place of the declared ceramic and its strain.
 
     Args:
@@ -38,10 +38,9 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
         progress: is told what is being done.
 
     Returns:
-        The best of several fits; None where a run begins driven, so that it has a past.
+        The best of several fits. Runs that begin driven have one reversal before, which the fit finds: two numbers are
+        all that elements remember.
     """
-    if declared.staged.has_past:
-        return None
     progress("fitting elements that slip")
     thickness, _, (low, high) = driven(declared)
     span = (high - low) / thickness
@@ -57,19 +56,26 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis | None:
         for soft, hard in _FIELDS
         for sign in (1.0, -1.0)
     ]
-    return as_poled(min((_fitted_from(declared, link, span) for link in starts), key=lambda found: found.total))
+    ends = (low, high) if declared.staged.has_past else (low,)
+    tried = (_fitted_from(declared, link, span, end) for link in starts for end in ends)
+    return as_poled(min(tried, key=lambda found: found.total))
 
 
-def _fitted_from(declared: Hypothesis, link: BoucWen, span: float) -> Hypothesis:
-    """The fit that begins with given elements; the range of the field [V/m] scales how heights grow with it."""
+def _fitted_from(declared: Hypothesis, link: BoucWen, span: float, reversal: float) -> Hypothesis:
+    """The fit that begins with given elements, runs that begin driven behind a reversal [V across the ceramic].
+
+    The range of the field [V/m] scales how heights grow with it.
+    """
     runs = declared.staged.runs
     coordinates = [coordinate(link, field) for field in _FREE]
     coordinates += [coordinate(link, field, _POLARIZATION) for field in ("height_soft", "height_hard")]
     coordinates.append(coordinate(link, "growth", 1.0 / span))
     if any(run.has_polarization for run in runs):  # displacement alone cannot tell the scale of P from the law's
         coordinates.append(coordinate(link, "susceptibility"))
-    records, starts = [run.record for run in runs], [Start() for _ in runs]
-    ceramic = DeclaredHysteresis(link, link, coordinates, records, starts, amplifier_gain(declared.staged.chain))
+    gain, records = amplifier_gain(declared.staged.chain), [run.record for run in runs]
+    past = Start((reversal / gain,))
+    starts = [past if run.begins_driven else Start() for run in runs]
+    ceramic = DeclaredHysteresis(link, link, coordinates, records, starts, gain)
     motion = max(float(np.ptp(run.record.displacement)) for run in runs)
     staged, start = beside_the_rest(declared, ceramic, StrainLaw(linear=motion / _POLARIZATION, quadratic=0.0), 2)
     return fitted(staged, start, declared.effects, most_steps=_STEPS)
