@@ -6,6 +6,7 @@ density; without a base that has this, what it does beyond them would hide every
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from pzt_ros.diagnosis.coordinates import coordinate
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.flexible import beside_the_rest, driven
 from pzt_ros.diagnosis.from_rest import as_poled
+from pzt_ros.diagnosis.histories import refitted_from
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.physics.bouc_wen import BoucWen
@@ -27,7 +29,7 @@ _FIELDS = ((0.06, 0.3), (0.3, 1.0))
 """
 
 _FREE = ("field_soft", "shape_soft", "field_hard", "shape_hard")
-_STEPS = 40
+_STEPS, _PAST_STEPS = 40, 8
 
 
 def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis:
@@ -38,8 +40,8 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis:
         progress: is told what is being done.
 
     Returns:
-        The best of several fits. Runs that begin driven have one reversal before, which the fit finds: two numbers are
-        all that elements remember.
+        The best of several fits. Runs that begin driven have one or two reversals before, which the fit finds: two
+        numbers are all that elements remember.
     """
     progress("fitting elements that slip")
     thickness, _, (low, high) = driven(declared)
@@ -58,7 +60,25 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis:
     ]
     ends = (low, high) if declared.staged.has_past else (low,)
     tried = (_fitted_from(declared, link, span, end) for link in starts for end in ends)
-    return as_poled(min(tried, key=lambda found: found.total))
+    return as_poled(_with_other_pasts(min(tried, key=lambda each: each.total), ends))
+
+
+def _with_other_pasts(found: Hypothesis, ends: Sequence[float]) -> Hypothesis:
+    """With one or two other reversals before each run that begins driven, where that leaves less.
+
+    Args:
+        found: with one reversal before each.
+        ends: of the voltage across the ceramic [V].
+    """
+    gain = amplifier_gain(found.staged.chain)
+    low, high = min(ends) / gain, max(ends) / gain
+    for number, run in enumerate(found.staged.runs):
+        if run.begins_driven:
+            first = float(run.record.voltage[0])
+            pasts = (low,), (high,), (low, 0.5 * (first + high)), (high, 0.5 * (first + low))
+            again = [refitted_from(found, {number: Start(past)}, _PAST_STEPS) for past in pasts]
+            found = min((found, *again), key=lambda each: each.total)
+    return found
 
 
 def _fitted_from(declared: Hypothesis, link: BoucWen, span: float, reversal: float) -> Hypothesis:
