@@ -241,7 +241,7 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
     declared = bases.declared
     if bases.is_known or declared.fit.ratio <= asked.finishable or not is_taken_for_virgin(declared):
         return False
-    others = [other for other in (bases.relays, elements.base) if other is not None]
+    others = [elements.base, *([bases.relays] if bases.relays is not None else [])]
     return all(other.excess > asked.outdone * declared.excess for other in others)
 
 

@@ -35,14 +35,13 @@ class Elements:
     search: Search
 
     @cached_property
-    def base(self) -> Hypothesis | None:
-        """Without an effect; None where a run has a past."""
+    def base(self) -> Hypothesis:
+        """Without an effect."""
         return fit_bouc_wen(self.declared, self.search.progress)
 
     @cached_property
     def branch(self) -> Branch:
-        """The search on it, which has to be there."""
-        assert self.base is not None
+        """The search on it."""
         return self._searched(self.base, self.search)
 
     @property
@@ -53,7 +52,7 @@ class Elements:
     def tell(self, asked: Thresholds) -> bool:
         """Whether they explain all, or leave far less than the declared base and are searched to near the noise."""
         base = self.base
-        if base is None or base.excess > asked.elements_outdone * self.declared.excess:
+        if base.excess > asked.elements_outdone * self.declared.excess:
             return False
         is_far_better = base.excess <= asked.outdone * self.declared.excess
         is_near = is_far_better and self.branch.final.fit.ratio <= asked.rateless_nameable
@@ -65,8 +64,6 @@ class Elements:
         A large effect hides by how much they are better, and leads them astray where they are fitted without it: then
         the search begins with what they are beside it.
         """
-        if self.base is None:
-            return []
         beside = fit_bouc_wen(found, self.search.progress) if found.effects else None
         if beside is not None and beside.excess <= asked.outdone * found.excess:
             place = _bare(beside)
@@ -142,10 +139,10 @@ class Densities:
             elements: that slip; where they leave less they are searched first.
             asked: of an effect.
         """
-        base, slipping = self.relays, elements.base
+        base = self.relays
         if base.excess > asked.rateless_as_near * self.declared.excess:
             return False
-        if slipping is not None and slipping.excess <= base.excess:
+        if elements.base.excess <= base.excess:
             return False
         branch = self.on_relays
         is_told = bool(branch.final.effects) and branch.is_told(self.search.thresholds) and branch.may_be_named(asked)
@@ -163,8 +160,7 @@ class Densities:
         """
         if self.declared.fit.ratio <= asked.finishable or self.relays.fit.ratio <= asked.in_sight:
             return False
-        slipping = elements.base
-        if slipping is not None and slipping.excess <= asked.outdone * self.declared.excess:
+        if elements.base.excess <= asked.outdone * self.declared.excess:
             return False  # they are searched in seconds
         others = min(self.relays.excess, self.declared.excess)
         return self.lattice.fit.ratio <= asked.lattice_sooner and self.lattice.excess < asked.lattice_outdone * others

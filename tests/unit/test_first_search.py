@@ -285,7 +285,7 @@ def test_what_a_past_is_off_by_is_no_drift_by_chance(
     monkeypatch.setattr(Search, "run", lambda self, found: searched.append(found) or [Step(found, (), {}, (), (), "")])
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: wanders.append(base) or steps)
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
     found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert len(searched) == len(wanders) == asked
@@ -325,7 +325,7 @@ def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(found, (), {}, (), (), "")])
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: [pair])
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(branches, "on_densities", lambda *_: [seen])
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
     found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
@@ -394,7 +394,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: None)
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
     first, second = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert len(searched) == (0 if takes_all else 1)
@@ -500,30 +500,29 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
 @pytest.mark.parametrize(
     ("declared", "relays", "elements", "lattice", "is_so"),
     [
-        (9.8, 5.0, None, 1.0, True),
         (9.8, 5.0, 60.0, 1.0, True),
         (9.8, 5.0, 4.0, 1.0, False),  # elements are so much better that they are searched first
-        (7.0, 5.0, None, 1.0, False),  # a name could still come of effects beside the declared base
-        (9.8, 2.0, None, 1.0, False),  # relays tell sooner
-        (9.8, 4.0, None, 2.9, False),  # it does hardly better than they
-        (9.8, 5.0, None, 4.0, False),  # it lacks something, too
-        (20.0, 11.6, None, 4.5, True),  # a large effect, which the others lack as well: a creep of 10 x, tilted
-        (9.0, 30.0, None, 5.5, False),  # what the declared base leaves is hardly more
-        (30.0, 20.0, None, 7.0, False),  # too far from the noise
+        (7.0, 5.0, 60.0, 1.0, False),  # a name could still come of effects beside the declared base
+        (9.8, 2.0, 60.0, 1.0, False),  # relays tell sooner
+        (9.8, 4.0, 60.0, 2.9, False),  # it does hardly better than they
+        (9.8, 5.0, 60.0, 4.0, False),  # it lacks something, too
+        (20.0, 11.6, 60.0, 4.5, True),  # a large effect, which the others lack as well: a creep of 10 x, tilted
+        (9.0, 30.0, 60.0, 5.5, False),  # what the declared base leaves is hardly more
+        (30.0, 20.0, 60.0, 7.0, False),  # too far from the noise
     ],
 )
 def test_a_lattice_that_alone_comes_near_the_noise_is_searched_first(
     monkeypatch: pytest.MonkeyPatch,
     declared: float,
     relays: float,
-    elements: float | None,
+    elements: float,
     lattice: float,
     is_so: bool,
 ) -> None:
     """A court null, tilted, of which nothing was declared: 264 s, 240 of them for effects at 9.8 x; 36 s now."""
     monkeypatch.setattr(other_bases, "fit_flexible", lambda *_: leaving(lattice, lattice))
     bases = Bases(leaving(declared, declared), leaving(relays, relays))
-    others: Any = SimpleNamespace(base=None if elements is None else leaving(elements, elements))
+    others: Any = SimpleNamespace(base=leaving(elements, elements))
     assert other_bases.Densities(bases, Search()).lattice_outdoes(others, Thresholds()) is is_so
 
 
@@ -805,12 +804,12 @@ def test_a_poled_past_is_believed_beside_an_effect_where_it_leaves_far_less(
 @pytest.mark.parametrize(
     ("declares", "declared", "relays", "elements", "virgin", "is_so"),
     [
-        (False, 14.5, 50.0, None, True, True),
-        (True, 14.5, 50.0, None, True, False),  # effects beside a declared chain come first
-        (False, 7.0, 50.0, None, True, False),  # near enough for names
-        (False, 14.5, 5.0, None, True, False),  # a stage without a rate
+        (False, 14.5, 50.0, 60.0, True, True),
+        (True, 14.5, 50.0, 60.0, True, False),  # effects beside a declared chain come first
+        (False, 7.0, 50.0, 60.0, True, False),  # near enough for names
+        (False, 14.5, 5.0, 60.0, True, False),  # a stage without a rate
         (False, 14.5, 50.0, 5.0, True, False),  # elements that slip
-        (False, 14.5, 50.0, None, False, False),  # poled already, or with a past
+        (False, 14.5, 50.0, 60.0, False, False),  # poled already, or with a past
     ],
 )
 def test_a_base_that_nobody_declared_may_hide_a_past(
@@ -818,11 +817,11 @@ def test_a_base_that_nobody_declared_may_hide_a_past(
     declares: bool,
     declared: float,
     relays: float,
-    elements: float | None,
+    elements: float,
     virgin: bool,
     is_so: bool,
 ) -> None:
     monkeypatch.setattr(branches, "is_taken_for_virgin", lambda found: virgin)
     bases = Bases(leaving(declared, declared), leaving(relays, relays), declares)
-    others: Any = SimpleNamespace(base=None if elements is None else leaving(elements, elements))
+    others: Any = SimpleNamespace(base=leaving(elements, elements))
     assert branches._may_hide_a_past(bases, others, Thresholds()) is is_so

@@ -136,7 +136,6 @@ def test_elements_that_slip_begin_where_a_poled_stage_left_them() -> None:
     runs = with_floors([record(seed, True, SLIPS) for seed in (1, 2, 3)])
     polycrystal = begun(default_chain(runs), split(runs[:2], runs[2:]))
     found = fit_bouc_wen(polycrystal, lambda text: None)
-    assert found is not None
     assert max(found.ratios) < 1.05
     assert all(start.prior_voltages and start.approach is None for start in starts_of(found))
 

@@ -84,7 +84,6 @@ def test_the_drive_before_is_no_matter_of_elements_that_slip() -> None:
     runs = split(with_floors(runs_of(stage)[0]), [])
     polycrystal = begun(dataclasses.replace(default_chain(runs), notes=UNKNOWN), runs)
     elements = fit_bouc_wen(polycrystal, lambda text: None)
-    assert elements is not None
     worse = dataclasses.replace(elements, vector=1.01 * elements.vector)
     for each in (elements, fitted(worse.staged, worse.vector, most_steps=0)):
         assert with_best_amplitude(each) is each
