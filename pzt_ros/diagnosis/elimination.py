@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
@@ -14,6 +15,8 @@ from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.errors import BenchError
+
+_FEW = 2  # effects of which `second_alone` asks whether both are needed
 
 
 def without(found: Hypothesis, name: str) -> Hypothesis | None:
@@ -39,6 +42,46 @@ def second_alone(steps: list[Step], asked: Thresholds) -> list[Step]:
     others = [each for each in begin.candidates if each.name != candidate.name]
     verdict = f"explains {candidate.share:.0%} of the excess, {first} hardly more beside it"
     return [replace(begin, candidates=(candidate, *others), accepted=(candidate,), verdict=verdict)]
+
+
+def needed_only(steps: list[Step], is_needed: Callable[[Candidate], bool]) -> list[Step]:
+    """The steps, or one in their place with what is needed of three effects and more.
+
+    The first of them explained most without the others, and may be none: a drift had stood for a creep and a
+    hysteresis, and was kept beside both, at a bound and with an error fifty times its value.
+
+    Args:
+        steps: of a search.
+        is_needed: whether an effect shows itself beside the others, in what it leaves of them and without it.
+    """
+    final = steps[-1].after
+    if len(final.effects) <= _FEW or any(step.tied for step in steps):
+        return steps
+    for name in final.effects[:-1]:
+        bare = without(final, name)
+        step = _at_once(steps[0], bare) if bare is not None and not is_needed(Candidate(name, bare, final)) else None
+        if step is not None:
+            return needed_only([step], is_needed)
+    return steps
+
+
+def _at_once(begin: Step, found: Hypothesis) -> Step | None:
+    """A step that adds all effects of a hypothesis, each to what is left without it and those after it.
+
+    None where one of those cannot be evaluated.
+    """
+    added: list[Candidate] = []
+    here, (_, *later) = found, found.effects
+    for name in reversed(later):
+        before = without(here, name)
+        if before is None:
+            return None
+        added.insert(0, Candidate(name, before, here))
+        here = before
+    added.insert(0, Candidate(found.effects[0], begin.before, here))
+    others = [each for each in begin.candidates if each.name not in found.effects]
+    verdict = f"explains {share_of(begin.before, found):.0%} of the excess together"
+    return replace(begin, candidates=(*added, *others), accepted=tuple(added), tied=(), verdict=verdict)
 
 
 def is_law_as_good(bare: Hypothesis, curved: Hypothesis, asked: Thresholds) -> bool:

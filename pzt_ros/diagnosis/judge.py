@@ -97,6 +97,10 @@ class Judge:
         left = second.before.selection.ratio > self.thresholds.floor
         return (second.share if left else second.fit_share) >= self.thresholds.share
 
+    def shows_beside(self, candidate: Candidate) -> bool:
+        """Whether an effect shows itself beside all others, and explains enough of what they leave."""
+        return self.is_significant(candidate) and candidate.share >= self.thresholds.share
+
     def is_outvoted(self, winner: Candidate, other: Candidate) -> bool:
         """Whether what chooses says little between the two: the winner has values of its own in each run there."""
         confounded = frozenset((winner.cause, other.cause)) in CONFOUNDED

@@ -33,6 +33,7 @@ from pzt_ros.diagnosis.elimination import (
     hysteresis_in_question,
     is_law_as_good,
     law_in_question,
+    needed_only,
     second_alone,
 )
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
@@ -42,6 +43,7 @@ from pzt_ros.diagnosis.found import tried_candidates
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.informed import informed
+from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.less_effects import less_effects
 from pzt_ros.diagnosis.other_bases import _on_all_seen
 from pzt_ros.diagnosis.page import write_page
@@ -655,6 +657,19 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     both = hypothesis("cubic_strain_law+mains_hum")
     needed = found_in_turn(both, "sensor_nonlinearity", "mains_hum")
     assert second_alone(needed, Thresholds()) == needed
+
+
+def test_an_effect_that_two_others_make_needless_is_dropped() -> None:
+    """A court case: a drift came first, and was kept beside the creep and the hysteresis that it had stood for."""
+    steps = found_in_turn(hypothesis("sensor_lag+mains_hum"), "mechanical_resonance", "sensor_lag", "mains_hum")
+    assert needed_only(steps, lambda candidate: True) == steps
+    (step,) = needed_only(steps, Judge().shows_beside)
+    assert [each.name for each in step.accepted] == list(step.after.effects) == ["sensor_lag", "mains_hum"]
+    first, second = step.accepted
+    assert first.before is steps[0].before
+    assert second.before is first.after
+    assert step.after.total < 1.01 * steps[-1].after.total
+    assert needed_only([step], Judge().shows_beside) == [step]
 
 
 def leaving(share: float, *effects: str) -> Hypothesis:
