@@ -249,8 +249,8 @@ def _scale_of(found: IdentifiedResult, model: Hypothesis) -> float:
     before it was fitted, for what is reversible may have grown to twice its size for what the model lacks.
     """
     staged, problem = model.staged, found.problem
-    if problem.scale is not None:
-        return float(found.vector[problem.scale])
+    if problem.polarization_scale is not None:
+        return float(found.vector[problem.polarization_scale])
     was_identified = isinstance(staged.ceramic, (FlexibleHysteresis, FlexiblePreisach))
     modelled = staged.polarizations(model.vector if was_identified else staged.start)
     identified = problem.base.polarization(found.vector[: problem.law.start], problem.voltages(found.vector))

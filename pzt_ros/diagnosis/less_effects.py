@@ -19,7 +19,8 @@ def less_effects(found: Hypothesis) -> list[RunData]:
     numbers = range(len(bare.runs))
     pairs = zip(found.staged.outputs(found.vector, numbers), bare.outputs(vector, numbers), strict=True)
     return [
-        _less(run, y - bare_y, p - bare_p) for run, ((y, p), (bare_y, bare_p)) in zip(bare.runs, pairs, strict=True)
+        _less(run, y - bare_y, p - bare_p)
+        for run, ((y, p), (bare_y, bare_p)) in zip(found.staged.runs, pairs, strict=True)
     ]
 
 

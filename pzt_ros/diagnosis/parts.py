@@ -55,14 +55,13 @@ def reversed_before(start: Start, gain: float) -> Past:
 def _after(past: Past, run: MeasuredRun) -> MeasuredRun:
     """A run with its past as samples that do not count."""
     time, voltage = past
-    behind = run.polarization[:1] if run.is_polarized else run.polarization
     return replace(
         run,
         time=np.append(run.time[0] + time, run.time),
         voltage=np.append(voltage, run.voltage),
         measured=np.append(np.full(time.size, run.measured[0]), run.measured),
         counted=np.append(np.zeros(time.size, dtype=bool), run.counted),
-        polarization=np.append(np.repeat(behind, time.size), run.polarization),
+        polarization=np.append(np.repeat(run.polarization[:1], time.size), run.polarization),
     )
 
 

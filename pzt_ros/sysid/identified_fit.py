@@ -317,9 +317,9 @@ def _settled(
     if other.lag is not None and problem.lag is not None:
         start[other.lag] = vector[problem.lag]
         fixed.append(other.lag)
-    if other.scale is not None and problem.scale is not None:
-        start[other.scale] = vector[problem.scale]
-        fixed.append(other.scale)
+    if other.polarization_scale is not None and problem.polarization_scale is not None:
+        start[other.polarization_scale] = vector[problem.polarization_scale]
+        fixed.append(other.polarization_scale)
     lower[fixed] = upper[fixed] = start[fixed]
     found = solve(other, start, lower, upper, most_steps=most_steps, tolerance=1e-4, prior=other.prior())
     return other, found.vector

@@ -15,10 +15,12 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import integrate
 
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.signals import Array
 
+_integrate: Any = integrate  # SciPy carries no types
 _LAG_STEP = 0.01  # of a sample: difference step
 
 
@@ -58,7 +60,7 @@ class MeasuredRun:
 
         The last goes with the integral of the voltage [shape (n, 3)].
         """
-        leaked = np.append(0.0, np.cumsum(np.diff(self.time) * 0.5 * (self.voltage[1:] + self.voltage[:-1])))
+        leaked = _integrate.cumulative_trapezoid(self.voltage, self.time, initial=0.0)
         columns = np.column_stack((np.ones(self.time.size), self.time - self.time[0], leaked))[self.counted]
         return np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))[0]
 
@@ -137,7 +139,7 @@ class IdentifiedProblem:
 
     Attributes:
         names, start, lower, upper: of the coordinates.
-        scale: place of what a recorded polarization is of that of the base; None where no run has one.
+        polarization_scale: place of what a recorded polarization is of that of the base; None where no run has one.
         known_centring: mean and scale that the law was fitted with; None: those of the runs.
     """
 
@@ -157,7 +159,7 @@ class IdentifiedProblem:
         self.law = slice(size, size + order)
         self.lag = size + order if lag else None
         polarized = any(run.is_polarized for run in runs)
-        self.scale = size + order + int(lag) if polarized else None
+        self.polarization_scale = size + order + int(lag) if polarized else None
         self.offsets = size + order + int(lag) + int(polarized)
         self.per_run = 1 + int(drift)
         self.known_centring: tuple[float, float] | None = None
@@ -174,8 +176,8 @@ class IdentifiedProblem:
             self.lower[self.lag], self.upper[self.lag] = 0.0, 20.0 * step
             self.start[self.lag] = step  # at 0, its lower bound, it would look as if the other way were better
             self._lag_step = _LAG_STEP * step
-        if self.scale is not None:
-            self.start[self.scale] = 1.0
+        if self.polarization_scale is not None:
+            self.start[self.polarization_scale] = 1.0
 
     def voltages(self, vector: Array) -> list[Array]:
         """What the ceramic saw by the time of each reading [V]."""
@@ -229,7 +231,7 @@ class IdentifiedProblem:
         for run, y, p in zip(self.runs, self.predicted(vector, polarizations), polarizations, strict=True):
             parts = [(y - run.measured)[run.counted] / run.noise]
             if run.is_polarized:
-                parts.append(_alone(run, (vector[self.scale] * p - run.polarization)[run.counted]))
+                parts.append(_alone(run, (vector[self.polarization_scale] * p - run.polarization)[run.counted]))
             found.append(np.concatenate(parts))
         return found
 
@@ -265,8 +267,8 @@ class IdentifiedProblem:
         if not run.is_polarized:
             return np.empty((0, len(self.names)), dtype=np.float32)
         found = np.zeros((len(tangent), len(self.names)), dtype=np.float32)
-        found[:, : self.law.start] = np.float32(vector[self.scale]) * tangent
-        found[:, self.scale] = polarization[run.counted]
+        found[:, : self.law.start] = np.float32(vector[self.polarization_scale]) * tangent
+        found[:, self.polarization_scale] = polarization[run.counted]
         return _alone(run, found)
 
     def _later(self, vector: Array, voltages: Sequence[Array], polarizations: Sequence[Array]) -> list[Array]:
@@ -281,7 +283,7 @@ class IdentifiedProblem:
     def with_law_guess(self, vector: Array) -> Array:
         """The vector with law and offsets fitted to the polarization that it gives, the rest as it is."""
         size = self.law.start
-        polarizations = self.base.polarization(vector[:size], self.voltages(vector))
+        polarizations = self._polarizations(vector)
         mean, scale = self.centring(polarizations)
         rows, targets = [], []
         for number, (run, polarization) in enumerate(zip(self.runs, polarizations, strict=True)):
@@ -295,8 +297,8 @@ class IdentifiedProblem:
         found = vector.copy()
         lag = None if self.lag is None else vector[self.lag]
         found[size:] = np.linalg.lstsq(np.vstack(rows), np.concatenate(targets), rcond=None)[0]
-        if self.scale is not None:
-            found[self.scale] = self._scale_guess(polarizations)
+        if self.polarization_scale is not None:
+            found[self.polarization_scale] = self._scale_guess(polarizations)
         if self.lag is not None and lag is not None:
             found[self.lag] = lag
         return found

@@ -52,14 +52,14 @@ def test_jacobian_of_both_readings() -> None:
     vector = problem.with_law_guess(problem.start)
     residuals, jacobians = problem.linearise(vector)
     assert [each.size for each in residuals] == [2 * (run(1).time.size - 4), run(2).time.size - 4]
-    assert problem.scale is not None
+    assert problem.polarization_scale is not None
     columns: list[int] = [
         0,
         5,
         40,
         problem.law.start,
         problem.law.start + 1,
-        problem.scale,
+        problem.polarization_scale,
         problem.offsets,
         vector.size - 1,
     ]
@@ -78,8 +78,8 @@ def test_the_law_is_that_of_the_recorded_polarization() -> None:
     fit = IdentifiedFit(THICKNESS, (18,), (1.0,), (2,), base=RateIndependentHysteresis)
     found = fit.fit([run(1), run(2)])
     assert rms_of(found.residuals) < 1.1
-    assert found.problem.scale is not None
-    scale = float(found.vector[found.problem.scale])
+    assert found.problem.polarization_scale is not None
+    scale = float(found.vector[found.problem.polarization_scale])
     polarization = np.concatenate(
         found.problem.base.polarization(found.vector, [each.voltage for each in found.problem.runs])
     )
