@@ -50,17 +50,19 @@ class Thresholds:
         instead: share of what a polycrystal leaves that one domain may leave to be the base where nothing was declared.
         rateless_sooner, rateless_outdone: rms over noise that a base leaves from which relays without a rate are tried
             sooner than effects beside it, and what share of its excess those may leave at most.
-        rateless_tells: rms over noise up to which they are searched then. Where nothing was declared nothing speaks for
-            the base: then they are tried from the floor on, may leave `undeclared_outdone`, and may be as far off as an
-            effect that they lack. (Where relays did not make the runs they left 2.7 times the excess and more.)
+        rateless_tells: rms over noise up to which they are searched then: a current limit of 10 x beside them left 4.8.
+            Where nothing was declared nothing speaks for the base: then they are tried from the floor on, may leave
+            `undeclared_outdone`, and may be as far off as an effect that they lack. (Where relays did not make the runs
+            they left 2.7 times the excess and more.)
         rateless_as_near: share of the excess of a base that nobody declared that relays may leave to be searched first.
             (Beside effects of 3 to 9 x relays that made the runs left 0.9 to 1.4.)
         lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
             of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
         lattice_describes, lattice_is_all: rms over noise that a lattice without an effect may leave of each run, and
-            share of what a search beside the declared base leaves, for its density to be all that is wrong. (Of two
-            components it left 1.22 x and 0.02; of two effects of 3 x that it takes up best 2.5 x of one run.)
+            share of what a search beside the declared base leaves, for its density to be what is wrong. (Of two
+            components it left 1.22 x and 0.02, with a bias field of 3 x beside them 1.95 x and 0.04; of two effects of
+            3 x that it takes up best 2.5 x of one run.)
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
@@ -138,12 +140,12 @@ class Thresholds:
     instead: float = 0.8
     rateless_sooner: float = 3.0
     rateless_outdone: float = 0.25
-    rateless_tells: float = 4.0
+    rateless_tells: float = 8.0
     undeclared_outdone: float = 0.7
     rateless_as_near: float = 2.0
     lattice_sooner: float = 6.0
     lattice_outdone: float = 0.35
-    lattice_describes: float = 1.25
+    lattice_describes: float = 2.0
     lattice_is_all: float = 0.05
     rateless: float = 3.0
     shaped_less: float = 0.8

@@ -467,23 +467,25 @@ def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
 
 
 @pytest.mark.parametrize(
-    ("declares", "alone", "told", "named"),
+    ("declares", "left", "alone", "told", "named"),
     [
-        (False, 1.0, 1.0, True),  # they explain all
-        (False, 2.4, 1.0, True),  # they explain all with an effect
-        (False, 2.4, 1.1, True),  # an effect tells nearly all beside them
-        (False, 3.4, 1.0, False),  # a polycrystal with an effect may explain as much
-        (True, 3.4, 1.0, False),  # a declared chain with an effect may explain as much
-        (True, 1.9, 1.0, True),  # unless they leave far less without one
-        (False, 2.4, 2.0, False),  # the effect does not tell nearly all
-        (False, 6.0, 1.0, False),  # they are no base for these runs
+        (False, 3.5, 1.0, 1.0, True),  # they explain all
+        (False, 3.5, 2.4, 1.0, True),  # they explain all with an effect
+        (False, 3.5, 2.4, 1.1, True),  # an effect tells nearly all beside them
+        (False, 3.5, 3.4, 1.0, False),  # a polycrystal with an effect may explain as much
+        (True, 3.5, 3.4, 1.0, False),  # a declared chain with an effect may explain as much
+        (True, 3.5, 1.9, 1.0, True),  # unless they leave far less without one
+        (False, 3.5, 2.4, 2.0, False),  # the effect does not tell nearly all
+        (False, 3.5, 6.0, 1.0, False),  # they are no base for these runs
+        (True, 13.0, 4.8, 1.1, True),  # an effect of 10 x was left beside them
+        (True, 18.0, 8.1, 1.1, False),  # so much that none of it could be named
     ],
 )
 def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
-    monkeypatch: pytest.MonkeyPatch, declares: bool, alone: float, told: float, named: bool
+    monkeypatch: pytest.MonkeyPatch, declares: bool, left: float, alone: float, told: float, named: bool
 ) -> None:
     """Court cases of wedge densities took 300 to 900 s, on bases of which nothing came; now 26 to 68."""
-    declared, base = leaving(3.5, 3.5), leaving(alone, alone)
+    declared, base = leaving(left, left), leaving(alone, alone)
     final = leaving(told, told, effects=("amplifier_bandwidth",))
     for each in (base, final):
         each.choosing, each.staged = True, SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=True), has_past=False)
@@ -530,6 +532,7 @@ def test_a_lattice_that_alone_comes_near_the_noise_is_searched_first(
     ("beside", "lattice", "is_so"),
     [
         (3.4, (1.03, 1.22), True),  # a court null of two components, a hysteresis of the strain beside the declared one
+        (7.0, (1.31, 1.95), True),  # two components and a bias field of 3 x, another effect beside the declared one
         (3.4, (1.5, 2.5), False),  # two effects that a lattice takes up best
         (2.9, (1.03, 1.22), False),  # effects leave so little that the base may be right
         (3.4, (1.2, 1.25), True),
