@@ -16,8 +16,6 @@ from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.errors import BenchError
 
-_FEW = 2  # effects of which `second_alone` asks whether both are needed
-
 
 def without(found: Hypothesis, name: str) -> Hypothesis | None:
     """Refitted without one of its effects, from where it is; None where the model cannot be evaluated there."""
@@ -29,33 +27,19 @@ def without(found: Hypothesis, name: str) -> Hypothesis | None:
         return None
 
 
-def second_alone(steps: list[Step], asked: Thresholds) -> list[Step]:
-    """The steps, or one in their place with the second of two effects alone, where the first adds little beside it."""
-    begin, final = steps[0], steps[-1].after
-    first, *later = final.effects or ("",)
-    if len(later) != 1 or any(step.tied for step in steps):
-        return steps
-    alone = without(final, first)
-    if alone is None or share_of(alone, final) >= asked.share:
-        return steps
-    candidate = Candidate(later[0], begin.before, alone)
-    others = [each for each in begin.candidates if each.name != candidate.name]
-    verdict = f"explains {candidate.share:.0%} of the excess, {first} hardly more beside it"
-    return [replace(begin, candidates=(candidate, *others), accepted=(candidate,), verdict=verdict)]
-
-
 def needed_only(steps: list[Step], is_needed: Callable[[Candidate], bool]) -> list[Step]:
-    """The steps, or one in their place with what is needed of three effects and more.
+    """The steps, or one in their place with what is needed of several effects.
 
-    The first of them explained most without the others, and may be none: a drift had stood for a creep and a
-    hysteresis, and was kept beside both, at a bound and with an error fifty times its value.
+    The first of them explained most without the others, and may be none: a drift, which makes up for much, came before
+    the bias field that explained all; another had stood for a creep and a hysteresis, and was kept beside both, at a
+    bound and with an error fifty times its value.
 
     Args:
         steps: of a search.
         is_needed: whether an effect shows itself beside the others, in what it leaves of them and without it.
     """
     final = steps[-1].after
-    if len(final.effects) <= _FEW or any(step.tied for step in steps):
+    if len(final.effects) < 2 or any(step.tied for step in steps):
         return steps
     for name in final.effects[:-1]:
         bare = without(final, name)
@@ -80,7 +64,7 @@ def _at_once(begin: Step, found: Hypothesis) -> Step | None:
         here = before
     added.insert(0, Candidate(found.effects[0], begin.before, here))
     others = [each for each in begin.candidates if each.name not in found.effects]
-    verdict = f"explains {share_of(begin.before, found):.0%} of the excess together"
+    verdict = f"explains {share_of(begin.before, found):.0%} of the excess, what else was found adds hardly anything"
     return replace(begin, candidates=(*added, *others), accepted=tuple(added), tied=(), verdict=verdict)
 
 

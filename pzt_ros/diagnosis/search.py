@@ -12,7 +12,6 @@ from pzt_ros.diagnosis.elimination import (
     is_law_as_good,
     law_in_question,
     needed_only,
-    second_alone,
     without,
 )
 from pzt_ros.diagnosis.hypothesis import Hypothesis
@@ -187,8 +186,8 @@ class Search(Seeker):
         """The steps without what was only needed until all of them were there."""
         if steps[-1].after.fit.ratio > self.thresholds.nameable:
             return steps
-        alone = second_alone(needed_only(steps, self.shows_beside), self.thresholds)
-        return hysteresis_in_question(law_in_question(alone, self.thresholds), self.thresholds)
+        needed = needed_only(steps, self.shows_beside)
+        return hysteresis_in_question(law_in_question(needed, self.thresholds), self.thresholds)
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
         last = steps[-1]

@@ -34,7 +34,6 @@ from pzt_ros.diagnosis.elimination import (
     is_law_as_good,
     law_in_question,
     needed_only,
-    second_alone,
 )
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
@@ -654,13 +653,13 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     """A court case: a drift, which makes up for much, was named before the bias field that explained all."""
     base = hypothesis("sensor_lag")
     steps = found_in_turn(base, "mechanical_resonance", "sensor_lag")
-    (step,) = second_alone(steps, Thresholds())
+    (step,) = needed_only(steps, Judge().shows_beside)
     assert [each.name for each in step.accepted] == ["sensor_lag"]
     assert step.after.effects == ("sensor_lag",)
     assert step.after.total < 1.05 * steps[-1].after.total
     both = hypothesis("cubic_strain_law+mains_hum")
     needed = found_in_turn(both, "sensor_nonlinearity", "mains_hum")
-    assert second_alone(needed, Thresholds()) == needed
+    assert needed_only(needed, Judge().shows_beside) == needed
 
 
 def test_an_effect_that_two_others_make_needless_is_dropped() -> None:
