@@ -912,6 +912,7 @@ def misfitting(fit: float, selection: float) -> Any:
         selection=parts[1],
         ratios=[fit, selection],
         total=total,
+        over_noise=total / 2.0,
         excess=max(total - 2.0, 1e-4),
         choosing=[1],
         effects=(),
@@ -1339,7 +1340,7 @@ def test_without_a_test_run_no_name_stands_beside_what_is_left(left: float, tied
     branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), tied, ""),))
     for tested, trusted in ((True, True), (False, named)):
         after.choosing = [1] if tested else []
-        step = _trusted(branch, Thresholds(), TimeLimit()).steps[0]
+        step = _trusted(branch, [branch], Thresholds(), TimeLimit()).steps[0]
         assert bool(step.accepted) is trusted
         assert ("without a test run" in step.verdict) is not trusted
 
@@ -1352,7 +1353,7 @@ def test_no_name_that_explains_half_beside_much_that_is_left(left: float, tied: 
         base.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False))
         found = Candidate("thermal_drift", base, misfitting(left, left))
         branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), tied, ""),))
-        assert bool(_trusted(branch, Thresholds(), TimeLimit()).steps[0].accepted) is trusted
+        assert bool(_trusted(branch, [branch], Thresholds(), TimeLimit()).steps[0].accepted) is trusted
 
 
 @pytest.mark.parametrize(("name", "trusted"), [("mains_hum", True), ("bias_field", False)])
@@ -1366,4 +1367,20 @@ def test_what_a_base_is_off_by_says_nothing_against_a_tone(name: str, trusted: b
     branch = Branch("identified", base, (Step(base, (found,), {}, (found,), (), ""),))
     limit = TimeLimit()
     limit.has_cut = is_over
-    assert bool(_trusted(branch, Thresholds(), limit).steps[0].accepted) is trusted
+    assert bool(_trusted(branch, [branch], Thresholds(), limit).steps[0].accepted) is trusted
+
+
+@pytest.mark.parametrize(("another", "is_over", "named"), [(1.4, True, False), (1.8, True, True), (1.4, False, True)])
+def test_where_the_time_is_up_no_name_stands_beside_a_base_that_leaves_less(
+    another: float, is_over: bool, named: bool
+) -> None:
+    """A court case: a curve stood for heavy tails beside a hysteresis; a lattice told that alone, but not nearly all."""
+    base, after = misfitting(9.0, 9.0), misfitting(1.75, 1.75)
+    base.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False))
+    after.effects = ("strain_polarization_hysteresis", "sensor_nonlinearity")
+    found = Candidate("sensor_nonlinearity", base, after)
+    branch = Branch("gaussian", base, (Step(base, (found,), {}, (found,), (), ""),))
+    limit = TimeLimit()
+    limit.has_cut = is_over
+    searched = [branch, Branch("identified", misfitting(another, another), ())]
+    assert bool(_trusted(branch, searched, Thresholds(), limit).steps[0].accepted) is named
