@@ -1374,7 +1374,7 @@ def test_what_a_base_is_off_by_says_nothing_against_a_tone(name: str, trusted: b
 def test_where_the_time_is_up_no_name_stands_beside_a_base_that_leaves_less(
     another: float, is_over: bool, named: bool
 ) -> None:
-    """A court case: a curve stood for heavy tails beside a hysteresis; a lattice told that alone, but not nearly all."""
+    """A court case: a curve stood for heavy tails beside a hysteresis; a lattice told it alone, but not nearly all."""
     base, after = misfitting(9.0, 9.0), misfitting(1.75, 1.75)
     base.staged = SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=False))
     after.effects = ("strain_polarization_hysteresis", "sensor_nonlinearity")
