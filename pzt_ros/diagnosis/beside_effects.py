@@ -8,13 +8,14 @@ needed there.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
+from pzt_ros.diagnosis.data import seen_through
 from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
-from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted, without_effects
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -24,6 +25,7 @@ Identify = Callable[[Hypothesis, Progress], Hypothesis]
 """From a fitted model to a density in its ceramic's place."""
 
 _KINDS: tuple[Identify, ...] = (fit_rate_independent, fit_flexible)
+_TURNS, _COMES_DOWN = 3, 0.9  # that an effect and a lattice are fitted, and what has to be left each time at most
 _IDENTIFIED = "explains {share:.0%} of the excess on a density that was identified beside it"
 
 
@@ -66,8 +68,56 @@ class BesideEffects:
                 return branch if branch is not None and branch.explains(self.asked) else None
         return None
 
-    def _judged(self, found: Hypothesis) -> Branch | None:
-        """Each name against the same density refitted without it, and without those that were found after it."""
+    def on_own_densities(self, base: Hypothesis, names: Sequence[str]) -> Branch | None:
+        """The best of effects each on a lattice identified beside it; None where something is left beside each.
+
+        Args:
+            base: a lattice without an effect, which has bent for what is missing.
+            names: of effects that may be that.
+        """
+        found = {name: self._in_turn(base, name) for name in names}
+        told = {name: there for name, there in found.items() if there is not None and tells_all(there, self.asked)}
+        if not told:
+            return None
+        best, *others = sorted(told, key=lambda name: told[name].total)
+        branch = self._judged(self._on_whole_runs(told[best], best), tried=frozenset(names))
+        if branch is None or not branch.explains(self.asked):
+            return None
+        (step,) = branch.steps
+        tied = (*(step.tied or (best,)), *others) if others else step.tied
+        return replace(branch, steps=(replace(step, tied=tied),))
+
+    def _in_turn(self, base: Hypothesis, name: str) -> Hypothesis | None:
+        """An effect and a lattice fitted in turn, each beside the other, until nothing is left or little is gained."""
+        here, best = base, None
+        for _ in range(_TURNS):
+            bare = without_effects(here) if here.effects else here
+            beside = self.search.with_effects(bare, [name])
+            if not beside.effects or self.search.limit.is_over():
+                break
+            here = fit_flexible(beside, self.search.progress, self.search.workers)
+            comes_down = best is None or here.total <= _COMES_DOWN * best.total
+            best = here if best is None else min(best, here, key=lambda found: found.total)
+            if not comes_down or tells_all(best, self.asked):
+                break
+        return best
+
+    def _on_whole_runs(self, found: Hypothesis, name: str) -> Hypothesis:
+        """The same on all samples, where that leaves nothing, either: the effect was what a past had seemed to be."""
+        if not any(run.since for run in found.staged.runs) or self.search.limit.is_over():
+            return found
+        runs = [replace(run.uncut, poled=False) for run in found.staged.runs]
+        staged = replace(found.staged, runs=seen_through(found.staged.chain, runs))
+        whole = self._in_turn(fitted(staged, found.vector, found.effects), name)
+        return whole if whole is not None and tells_all(whole, self.asked) else found
+
+    def _judged(self, found: Hypothesis, tried: frozenset[str] = frozenset()) -> Branch | None:
+        """Each name against the same density refitted without it, and without those that were found after it.
+
+        Args:
+            found: with effects.
+            tried: names that are not asked whether they tie, for they were tried on a density of their own.
+        """
         search, after = self.search, found
         search.progress("refitting without " + ", ".join(found.effects))
         steps: list[Step] = []
@@ -77,7 +127,7 @@ class BesideEffects:
             if candidate is None or not search.is_significant(candidate) or not search.is_enough(candidate):
                 return None
             rivals = {each for pair in CONFOUNDED if name in pair for each in pair & EFFECT_OF.keys()}
-            alike = [each for each in sorted(rivals - {*found.effects}) if search.still_ties(candidate, each)]
+            alike = [each for each in sorted(rivals - {*found.effects} - tried) if search.still_ties(candidate, each)]
             why = _IDENTIFIED.format(share=candidate.share)
             steps.insert(
                 0, Step(candidate.before, (candidate,), {}, (candidate,), (name, *alike) if alike else (), why)

@@ -140,6 +140,11 @@ def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_ste
     return Hypothesis(staged, solution, vector, effects)
 
 
+def without_effects(found: Hypothesis) -> Hypothesis:
+    """The base where its effects had taken it."""
+    return fitted(*found.staged.without_all(found.effects, found.vector), most_steps=0)
+
+
 def exact(found: Hypothesis) -> Hypothesis:
     """The same fitted with its ceramic exact where the fit ended, until that is where it stays.
 

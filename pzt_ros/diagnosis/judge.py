@@ -124,6 +124,8 @@ class Judge:
             return near and before.total - there.total >= asked * (before.total - here.total)
         if winner.before.total - other.after.total < asked * gained:
             return False
+        if other.before is not winner.before and not self.is_enough(other):
+            return False  # it leaves little because less of its runs counts
         return not (explained and self._is_decided(winner, other))
 
     def _is_decided(self, winner: Candidate, other: Candidate) -> bool:

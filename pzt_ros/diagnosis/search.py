@@ -259,8 +259,12 @@ class Search(Seeker):
         return winner, self._group(best, near), verdict
 
     def _plainest(self, sound: Sequence[Candidate]) -> Candidate:
-        """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
-        best = sound[0]
+        """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted.
+
+        Of an effect that remembers, what dies out in runs with an unknown past does not count, before it either. What
+        leaves least by that alone, and explains hardly anything, is not the best.
+        """
+        best = next((c for c in sound if self.is_enough(c)), sound[0])
         fewer = [c for c in sound if c.cause == best.cause and c.unknowns < best.unknowns]
         plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)

@@ -72,7 +72,7 @@ def test_enable_scan_crash_reset(browser: Any, tmp_path: Path, pictures: Path) -
 
 
 def operate(shown: PanelPage, pictures: Path) -> None:
-    """Enable, pole, scan, hold; refused where it has to be."""
+    """Enable, pole, scan, hold; refused where it has to be, after the picture: that shows a day when all went well."""
     shown.click("scan")
     shown.hear("not enabled")
     shown.enable()
@@ -81,6 +81,15 @@ def operate(shown: PanelPage, pictures: Path) -> None:
     shown.hear("poling has begun")
     shown.see_movement(5e-6)
     shown.page.wait_for_timeout(2000)
+    shown.fill(scan_cycles="50")
+    shown.click("scan")
+    shown.hear("following a trajectory")
+    shown.page.wait_for_timeout(6000)
+    shown.page.screenshot(path=pictures / "panel.png")
+    shown.click("jog-up")
+    shown.hear("still moving")
+    shown.click("hold")
+    shown.hear("following a trajectory for 0.000 s")
     for field, text, why in (
         ("scan_low", "-100", "outside the window"),
         ("scan_low", "", "'Lowest' is empty"),
@@ -93,15 +102,6 @@ def operate(shown: PanelPage, pictures: Path) -> None:
         shown.click("scan")
         shown.hear(why)
         shown.fill(**{field: good})
-    shown.fill(scan_cycles="50")
-    shown.click("scan")
-    shown.hear("following a trajectory")
-    shown.page.wait_for_timeout(6000)
-    shown.page.screenshot(path=pictures / "panel.png")
-    shown.click("jog-up")
-    shown.hear("still moving")
-    shown.click("hold")
-    shown.hear("following a trajectory for 0.000 s")
 
 
 def check_held(shown: PanelPage) -> None:
