@@ -126,8 +126,9 @@ class BesideEffects:
             candidate = Candidate(name, before, after) if before else None
             if candidate is None or not search.is_significant(candidate) or not search.is_enough(candidate):
                 return None
-            rivals = {each for pair in CONFOUNDED if name in pair for each in pair & EFFECT_OF.keys()}
-            alike = [each for each in sorted(rivals - {*found.effects} - tried) if search.still_ties(candidate, each)]
+            rivals = {each for pair in CONFOUNDED if candidate.cause in pair for each in pair & EFFECT_OF.keys()}
+            known = {EFFECT_OF[each].reported for each in (*found.effects, *tried)}
+            alike = [each for each in sorted(rivals - known) if search.still_ties(candidate, each)]
             why = _IDENTIFIED.format(share=candidate.share)
             steps.insert(
                 0, Step(candidate.before, (candidate,), {}, (candidate,), (name, *alike) if alike else (), why)

@@ -281,8 +281,8 @@ def _on_all_seen(flexible: Hypothesis, asked: Thresholds, on_lattice: Search) ->
     if search.at_floor(seen):
         return Branch("identified", seen, (), is_all_seen=True)
     first = search.step(seen)
-    is_told = search.explains([first], seen) or flexible.fit.ratio <= asked.floor
-    own = None if is_told else _on_own_lattices(flexible, first, BesideEffects(on_lattice, asked))
+    has_bent = flexible.fit.ratio > asked.floor and first.after.fit.ratio > asked.doubtful
+    own = _on_own_lattices(flexible, first, BesideEffects(on_lattice, asked)) if has_bent else None
     return own or Branch("identified", seen, tuple(search.continued([first], seen)), is_all_seen=True)
 
 

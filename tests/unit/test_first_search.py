@@ -731,6 +731,97 @@ def test_a_name_is_kept_on_a_density_that_is_identified_beside_it_where_it_is_ne
         assert beside.told.base.ratios == [bare, bare]
 
 
+BOTH = ("bias_field", "polarization_fatigue")
+
+
+@pytest.mark.parametrize(
+    ("beside", "told"),
+    [
+        ({"bias_field": [4.0, 1.05], "polarization_fatigue": [3.0, 2.9]}, ("bias_field", ())),  # in the second turn
+        (
+            {"bias_field": [1.04], "polarization_fatigue": [1.05]},
+            ("bias_field", ("bias_field", "polarization_fatigue")),
+        ),
+        ({"bias_field": [2.0, 1.9, 1.04], "polarization_fatigue": [3.0, 2.9]}, None),  # it came down too little
+        ({"bias_field": [3.0, 2.0, 1.5], "polarization_fatigue": [3.0, 2.9]}, None),  # something is left
+    ],
+)
+def test_effects_are_tried_each_on_a_lattice_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, beside: dict[str, list[float]], told: tuple[str, tuple[str, ...]] | None
+) -> None:
+    """A court case: a lattice had bent for a bias field of 10 x, which left 1.5 to 3 x on it, and 1.0 on its own."""
+    ways = {name: iter(left) for name, left in beside.items()}
+    base = leaving(4.7, 3.3)
+
+    def identified(found: Any, progress: object, workers: object) -> Any:
+        (name,) = found.effects
+        left = next(ways[name])
+        there = leaving(left, left, effects=(name,))
+        there.staged = SimpleNamespace(has_past=False, ceramic=None, runs=[SimpleNamespace(since=0)])
+        return there
+
+    monkeypatch.setattr(beside_effects, "fit_flexible", identified)
+    monkeypatch.setattr(beside_effects, "without_effects", lambda found: base)
+    monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(4.0, 4.0))
+    monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: leaving(2.0, 2.0, effects=tuple(names)))
+    asked_to_tie: list[str] = []
+    monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: bool(asked_to_tie.append(name)))
+    monkeypatch.setattr(Candidate, "fit_size", 3.0)
+    monkeypatch.setattr(Candidate, "selection_size", 3.0)
+    search = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
+    branch = search.on_own_densities(base, list(beside))
+    assert (branch is not None) is (told is not None)
+    if branch is not None and told is not None:
+        (step,) = branch.steps
+        assert ([each.name for each in step.accepted], step.tied) == ([told[0]], told[1])
+        assert "thermal_drift" in asked_to_tie
+        assert "polarization_fatigue" not in asked_to_tie  # it was tried on a lattice of its own
+
+
+@pytest.mark.parametrize(("whole", "is_taken"), [(1.01, True), (1.6, False)])
+def test_samples_that_a_past_seemed_to_reach_count_where_an_effect_was_what_hid_there(
+    monkeypatch: pytest.MonkeyPatch, whole: float, is_taken: bool
+) -> None:
+    """A court case: a virgin stage with a bias field was taken for one with a past, and predicted to 132 nm, now 12."""
+    run = SimpleNamespace(since=100, uncut=RunLike(since=0, poled=True))
+    found, there = leaving(1.0, 1.0, effects=("bias_field",)), leaving(whole, whole, effects=("bias_field",))
+    found.staged, found.vector = StagedLike(chain=None, runs=[run]), np.zeros(1)
+    there.staged = SimpleNamespace(has_past=False, ceramic=None)
+    counted: list[Any] = []
+    monkeypatch.setattr(beside_effects, "seen_through", lambda chain, runs: counted.extend(runs) or runs)
+    monkeypatch.setattr(beside_effects, "fitted", lambda staged, vector, effects: found)
+    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, base, name: there)
+    beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
+    assert (beside._on_whole_runs(found, "bias_field") is there) is is_taken
+    assert [(each.since, each.poled) for each in counted] == [(0, False)]
+
+
+@dataclasses.dataclass
+class RunLike:
+    since: int
+    poled: bool
+
+
+@dataclasses.dataclass
+class StagedLike:
+    chain: Any
+    runs: list[Any]
+
+
+def test_what_leaves_least_because_less_of_its_runs_counts_is_not_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A court case: what dies out of a past did not count beside a creep, which explained 5 %; a bias field 67 %."""
+    base, counts_less = leaving(4.3, 2.1), leaving(2.6, 1.3)
+    creep = Candidate("slow_relaxation", counts_less, leaving(2.5, 1.25, effects=("slow_relaxation",)))
+    bias = Candidate("bias_field", base, leaving(2.6, 1.4, effects=("bias_field",)))
+    search = Search()
+    monkeypatch.setattr(Candidate, "unknowns", 1)
+    assert creep.after.total < bias.after.total
+    assert search._plainest([creep, bias]) is bias
+    assert not search.is_as_good(bias, creep)
+    alone = Candidate("slow_relaxation", counts_less, leaving(1.0, 1.0, effects=("slow_relaxation",)))
+    assert search._plainest([alone, bias]) is alone  # where it explains what counts
+
+
 @pytest.mark.parametrize(
     ("freed", "beside", "found", "asked"),
     [
