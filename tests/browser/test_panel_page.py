@@ -85,7 +85,10 @@ def operate(shown: PanelPage, pictures: Path) -> None:
     shown.click("scan")
     shown.hear("following a trajectory")
     shown.page.wait_for_timeout(6000)
-    shown.page.screenshot(path=pictures / "panel.png")
+    for scheme, name in (("dark", "panel-dark.png"), ("light", "panel.png")):
+        shown.page.emulate_media(color_scheme=scheme)
+        shown.page.wait_for_timeout(500)  # until it is drawn anew
+        shown.page.screenshot(path=pictures / name)
     shown.click("jog-up")
     shown.hear("still moving")
     shown.click("hold")
@@ -135,7 +138,7 @@ def test_one_command_brings_the_graph_and_says_how_it_ended(browser: Any, tmp_pa
         shown.click("jog-up")
         shown.hear("following a trajectory")
         shown.page.wait_for_timeout(1000)
-        shown.page.screenshot(path=pictures / "panel-dark.png")
+        shown.page.screenshot(path=pictures / "panel-jog-dark.png")
         victim = next(
             process
             for process in psutil.Process(panel.process.pid).children(recursive=True)
