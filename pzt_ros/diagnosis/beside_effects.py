@@ -91,9 +91,11 @@ class BesideEffects:
         """An effect and a lattice fitted in turn, each beside the other, until nothing is left or little is gained."""
         here, best = base, None
         for _ in range(_TURNS):
+            if self.search.limit.is_over():
+                break
             bare = without_effects(here) if here.effects else here
             beside = self.search.with_effects(bare, [name])
-            if not beside.effects or self.search.limit.is_over():
+            if not beside.effects:
                 break
             here = fit_flexible(beside, self.search.progress, self.search.workers)
             comes_down = best is None or here.total <= _COMES_DOWN * best.total

@@ -264,7 +264,9 @@ class Search(Seeker):
         Of an effect that remembers, what dies out in runs with an unknown past does not count, before it either. What
         leaves least by that alone, and explains hardly anything, is not the best.
         """
-        best = next((c for c in sound if self.is_enough(c)), sound[0])
+        best = sound[0]
+        if not self.is_enough(best):
+            best = next((c for c in sound if c.before is not best.before and self.is_enough(c)), best)
         fewer = [c for c in sound if c.cause == best.cause and c.unknowns < best.unknowns]
         plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)

@@ -820,6 +820,38 @@ def test_what_leaves_least_because_less_of_its_runs_counts_is_not_the_best(monke
     assert not search.is_as_good(bias, creep)
     alone = Candidate("slow_relaxation", counts_less, leaving(1.0, 1.0, effects=("slow_relaxation",)))
     assert search._plainest([alone, bias]) is alone  # where it explains what counts
+    least = Candidate("thermal_drift", base, leaving(1.0, 1.7, effects=("thermal_drift",)))
+    assert least.share < search.thresholds.share < bias.share
+    assert search._plainest([least, bias]) is least  # of one base, the best has to explain enough
+
+
+@pytest.mark.parametrize(
+    ("fitted_alone", "after", "tries"),
+    [
+        (4.7, 2.6, True),
+        (4.7, 1.4, False),  # so little that it may be named
+        (1.04, 2.6, False),  # nothing was left where it was fitted: such a density follows anything
+    ],
+)
+@pytest.mark.parametrize("told", [True, False])
+def test_lattices_of_their_own_are_tried_where_one_effect_leaves_too_much(
+    monkeypatch: pytest.MonkeyPatch, fitted_alone: float, after: float, tries: bool, told: bool
+) -> None:
+    flexible, seen = leaving(fitted_alone, 3.3), leaving(4.3, 0.0)
+    winner: Any = SimpleNamespace(name="bias_field", after=leaving(after, 0.0, effects=("bias_field",)), share=0.67)
+    step: Any = Step(seen, (winner,), {}, (winner,), (), "")
+    own, asked_of = other_bases.Branch("identified", flexible, ()), []
+    monkeypatch.setattr(other_bases, "fitted_to_all", lambda found: seen)
+    monkeypatch.setattr(Search, "step", lambda self, before: step)
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
+    monkeypatch.setattr(Search, "continued", lambda self, steps, before: [*steps])
+    monkeypatch.setattr(
+        BesideEffects, "on_own_densities", lambda self, base, names: asked_of.extend(names) or (own if told else None)
+    )
+    branch = other_bases._on_all_seen(flexible, Thresholds(), Search(Thresholds().on_lattice()))
+    assert asked_of == (["bias_field"] if tries else [])
+    assert (branch is own) is (tries and told)
+    assert branch is own or branch.steps == (step,)
 
 
 @pytest.mark.parametrize(
