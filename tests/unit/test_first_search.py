@@ -451,7 +451,7 @@ def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
     declared, found = leaving(6.0, 6.0), leaving(1.6, 1.6, effects=effects)
     base, there = leaving(alone, alone), leaving(beside or 0.0, beside or 0.0, effects=effects)
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda found, progress: there if found.effects else base)
-    monkeypatch.setattr(other_bases, "_bare", lambda found: found)
+    monkeypatch.setattr(other_bases, "without_effects", lambda found: found)
     begun: list[Any] = []
 
     def run(self: Search, found: Any) -> list[Step]:

@@ -41,7 +41,7 @@ def test_no_name_beside_much_that_is_left(left: float, named: bool) -> None:
     name = "strain_polarization_hysteresis"
     found: Any = SimpleNamespace(after=SimpleNamespace(fit=SimpleNamespace(ratio=left), choosing=[1], effects=(name,)))
     branch = Branch("identified", base, (Step(base, (found,), {}, (found,), (), "explains 97% of the excess"),))
-    step = _trusted(branch, Thresholds(), TimeLimit()).steps[0]
+    step = _trusted(branch, [branch], Thresholds(), TimeLimit()).steps[0]
     assert bool(step.accepted) is named
     assert ("no name is to be trusted" in step.verdict) is not named
 
