@@ -73,14 +73,14 @@ class BesideEffects:
 
         Args:
             base: a lattice without an effect, which has bent for what is missing.
-            names: of effects that may be that.
+            names: of effects that may be that, each of another cause.
         """
-        found = {name: self._in_turn(base, name) for name in names}
-        told = {name: there for name, there in found.items() if there is not None and tells_all(there, self.asked)}
+        tried = {name: there for name in names if (there := self._in_turn(base, name)) is not None}
+        told = {name: there for name, there in tried.items() if tells_all(there, self.asked)}
         if not told:
             return None
         best, *others = sorted(told, key=lambda name: told[name].total)
-        branch = self._judged(self._on_whole_runs(told[best], best), tried=frozenset(names))
+        branch = self._judged(self._on_whole_runs(told[best], best), tried=frozenset(tried))
         if branch is None or not branch.explains(self.asked):
             return None
         (step,) = branch.steps
@@ -88,29 +88,32 @@ class BesideEffects:
         return replace(branch, steps=(replace(step, tied=tied),))
 
     def _in_turn(self, base: Hypothesis, name: str) -> Hypothesis | None:
-        """An effect and a lattice fitted in turn, each beside the other, until nothing is left or little is gained."""
-        here, best = base, None
+        """An effect and a lattice fitted in turn, each beside the other, until nothing is left or little is gained.
+
+        None where the time is up, or the effect promises nothing.
+        """
+        found: list[Hypothesis] = []
+        bare = base
         for _ in range(_TURNS):
             if self.search.limit.is_over():
                 break
-            bare = without_effects(here) if here.effects else here
             beside = self.search.with_effects(bare, [name])
             if not beside.effects:
                 break
-            here = fit_flexible(beside, self.search.progress, self.search.workers)
-            comes_down = best is None or here.total <= _COMES_DOWN * best.total
-            best = here if best is None else min(best, here, key=lambda found: found.total)
-            if not comes_down or tells_all(best, self.asked):
+            found.append(fit_flexible(beside, self.search.progress, self.search.workers))
+            *former, here = found
+            if tells_all(here, self.asked) or any(here.total > _COMES_DOWN * each.total for each in former):
                 break
-        return best
+            bare = without_effects(here)
+        return min(found, key=lambda each: each.total, default=None)
 
     def _on_whole_runs(self, found: Hypothesis, name: str) -> Hypothesis:
         """The same on all samples, where that leaves nothing, either: the effect was what a past had seemed to be."""
-        if not any(run.since for run in found.staged.runs) or self.search.limit.is_over():
+        if not any(run.since for run in found.staged.runs):
             return found
         runs = [replace(run.uncut, poled=False) for run in found.staged.runs]
         staged = replace(found.staged, runs=seen_through(found.staged.chain, runs))
-        whole = self._in_turn(fitted(staged, found.vector, found.effects), name)
+        whole = self._in_turn(without_effects(fitted(staged, found.vector, found.effects)), name)
         return whole if whole is not None and tells_all(whole, self.asked) else found
 
     def _judged(self, found: Hypothesis, tried: frozenset[str] = frozenset()) -> Branch | None:

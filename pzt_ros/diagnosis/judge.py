@@ -92,6 +92,20 @@ class Judge:
         alike = any(frozenset((winner.cause, cause)) in CONFOUNDED for cause in causes)
         return winner.share >= (asked.pair_share if alike else asked.share)
 
+    def best_of(self, sound: Sequence[Candidate]) -> Candidate:
+        """What leaves least; where that explains too little, the first that explains enough of what counts more.
+
+        Of an effect that remembers, what dies out in runs with an unknown past does not count, before it either. What
+        leaves least by that alone is not the best.
+
+        Args:
+            sound: what leaves least comes first.
+        """
+        least = sound[0]
+        if self.is_enough(least):
+            return least
+        return next((c for c in sound if c.before is not least.before and self.is_enough(c)), least)
+
     def is_needed(self, second: Candidate) -> bool:
         """Whether a second effect explains half of what the first leaves; of runs not fitted where that is anything."""
         left = second.before.selection.ratio > self.thresholds.floor

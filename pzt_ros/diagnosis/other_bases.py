@@ -294,4 +294,6 @@ def _on_own_lattices(flexible: Hypothesis, first: Step, beside: BesideEffects) -
     """
     asked = beside.asked
     worth = [c for c in first.candidates if beside.search.is_significant(c) and c.share >= asked.share]
-    return beside.on_own_densities(flexible, [c.name for c in worth[:_OWN]])
+    best_of_cause = {c.cause: c.name for c in reversed(worth)}  # two variants of an effect are no two answers
+    names = [c.name for c in worth if best_of_cause[c.cause] == c.name]
+    return beside.on_own_densities(flexible, names[:_OWN])

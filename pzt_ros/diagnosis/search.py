@@ -259,14 +259,8 @@ class Search(Seeker):
         return winner, self._group(best, near), verdict
 
     def _plainest(self, sound: Sequence[Candidate]) -> Candidate:
-        """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted.
-
-        Of an effect that remembers, what dies out in runs with an unknown past does not count, before it either. What
-        leaves least by that alone, and explains hardly anything, is not the best.
-        """
-        best = sound[0]
-        if not self.is_enough(best):
-            best = next((c for c in sound if c.before is not best.before and self.is_enough(c)), best)
+        """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
+        best = self.best_of(sound)
         fewer = [c for c in sound if c.cause == best.cause and c.unknowns < best.unknowns]
         plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)
