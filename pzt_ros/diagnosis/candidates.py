@@ -124,7 +124,7 @@ class Step:
         accepted: the effects added, none where the search ended.
         tied: names any of which explains the residual as well, the winner first; empty where there is one answer.
         verdict: why it was decided so.
-        base_instead: the base without any effect, as good as the best, from where that had taken it.
+        base_instead: what was there before, as good as with the best, from where that had taken it.
     """
 
     before: Hypothesis

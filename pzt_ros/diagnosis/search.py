@@ -228,8 +228,12 @@ class Search(Seeker):
         return asked.further_promise if before.fit.ratio <= asked.in_sight else asked.far_promise
 
     def _base_instead_of(self, winner: Candidate) -> Hypothesis | None:
-        """The base fitted from where a winner took it beside an unknown past, if that leaves the winner too little."""
-        if not winner.after.staged.has_past:
+        """What was there before, fitted from where a winner took it, if that leaves the winner too little.
+
+        Beside an unknown past, or other effects, a fit stops short of the best: of a drift it left 2 x, and a bias
+        field of no size was named that had only led it to 1.01 x.
+        """
+        if not (winner.after.staged.has_past or winner.before.effects):
             return None
         bare = without(winner.after, winner.name)
         if bare is None or bare.total >= winner.before.total:
