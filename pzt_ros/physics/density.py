@@ -88,19 +88,22 @@ class Bent(_Bell):
 
     Skewed, h = (exp(s z) - exp(-s^2))/s, it is the lognormal density, shifted; with tails, h = sinh(r z)/r, S_U of
     Johnson (Biometrika 36, 1949), at r = 0.5 close to a logistic, beyond to Student's. The tail is r^2, below 0 that of
-    the inverse, which is flatter than a Gaussian: so the density goes straight with it about 0.
+    the inverse, which is flatter than a Gaussian: so the density goes straight with it about 0. Lopsided, it is 1 + l
+    times as wide above its centre and 1 - l times below, and densest there still (Fernandez and Steel, J. Am. Stat.
+    Assoc. 93, 1998).
 
     Attributes:
         skew, tail: s and r^2 [-]; one of them is 0.
+        lopsided: l, between -1 and 1 [-].
     """
 
     skew: float = 0.0
     tail: float = 0.0
+    lopsided: float = 0.0
 
     def support(self, cut: float) -> tuple[float, float]:
         """Ends of the range kept when z is cut at `cut` sigma [V/m]."""
-        ends = self.centre + self.sigma * self._bent(np.array([-cut, cut]))
-        low, high = np.clip(ends, *self._ends)
+        low, high = np.clip(self._widths * self._bent(np.array([-cut, cut])) + self.centre, *self._ends)
         return float(low), float(high)
 
     def at(self, fields: Array) -> Array:
@@ -114,45 +117,61 @@ class Bent(_Bell):
     def below(self, fields: Array) -> Array:
         """Share of the domains below `fields` [-]."""
         first, last = self._shares
-        share: Array = special.ndtr(self._straight(np.clip(fields, *self._ends))[0])
-        return (share - first) / (last - first)
+        return (self._whole_below(np.clip(fields, *self._ends)) - first) / (last - first)
 
     def quantile(self, share: Array) -> Array:
         """The field below which lies a `share` of the domains [V/m]."""
         first, last = self._shares
-        z: Array = special.ndtri(first + share * (last - first))
-        return self.centre + self.sigma * self._bent(z)
+        whole, side = first + np.asarray(share) * (last - first), self.lopsided
+        is_above = whole > (1 - side) / 2
+        z = special.ndtri(np.where(is_above, (whole + side) / (1 + side), whole / (1 - side)))
+        return self.centre + np.where(is_above, *self._widths[::-1]) * self._bent(z)
 
     def widened(self, sigma: float) -> Bent:
         """The same, at least so wide."""
         return self if self.sigma >= sigma else replace(self, spread=2 * sigma**2)
 
     @property
+    def _widths(self) -> Array:
+        """Sigma below and above the centre [V/m, shape (2,)]."""
+        return self.sigma * np.array([1 - self.lopsided, 1 + self.lopsided])
+
+    @property
     def _ends(self) -> tuple[float, float]:
         """What is farther out than a drive reaches would only make a grid larger [V/m]."""
-        reach = _FARTHEST * self.sigma
-        return max(self.lower, self.centre - reach), self.centre + reach
+        below, above = _FARTHEST * self._widths
+        return max(self.lower, self.centre - float(below)), self.centre + float(above)
 
     @cached_property
     def _shares(self) -> tuple[float, float]:
-        """Shares of the normal up to both ends [-]."""
-        first, last = special.ndtr(self._straight(np.array(self._ends))[0])
+        """Shares of the whole density up to both ends [-]."""
+        first, last = self._whole_below(np.array(self._ends))
         return float(first), float(last)
+
+    def _whole_below(self, fields: Array) -> Array:
+        """Share of the whole density, without ends, below some fields [-]."""
+        share, side = special.ndtr(self._straight(fields)[0]), self.lopsided
+        return np.where(fields > self.centre, share * (1 + side) - side, share * (1 - side))
 
     def _bent(self, z: Array) -> Array:
         """h(z) [-]."""
         s, r = self.skew, math.sqrt(abs(self.tail))
         if s:
             return np.asarray((np.expm1(s * z) - math.expm1(-(s**2))) / s)
+        if not r:
+            return z
         return np.asarray((np.sinh if self.tail > 0 else np.arcsinh)(r * z) / r)
 
     def _straight(self, fields: Array) -> tuple[Array, Array]:
         """z at some fields, and dz/dh; infinitely far out, and 0, where there is none."""
-        h, s, r = (fields - self.centre) / self.sigma, self.skew, math.sqrt(abs(self.tail))
+        h = (fields - self.centre) / np.where(fields > self.centre, *self._widths[::-1])
+        s, r = self.skew, math.sqrt(abs(self.tail))
         if s:
             growth = s * h + math.exp(-(s**2))
             inside = np.maximum(growth, _NOTHING)
             return np.log(inside) / s, np.where(growth > _NOTHING, 1.0 / inside, 0.0)
+        if not r:
+            return h, np.ones_like(h)
         if self.tail > 0:
             return np.arcsinh(r * h) / r, 1.0 / np.hypot(1.0, r * h)
         return np.sinh(r * h) / r, np.cosh(r * h)
@@ -336,10 +355,11 @@ def equal_probability(density: Density, count: int) -> Nodes:
 
 
 def equally_spaced(density: Density, spacing: float, cut: float = 4.5) -> Nodes:
-    """Nodes `spacing` [V/m] apart, an even number.
+    """Nodes `spacing` [V/m] apart.
 
-    They lie symmetrically in the support, so that none is at the middle; or, where the density starts with a jump, from
-    there on (a jump at the upper end of a table is met to within a node only).
+    They are an even number and lie symmetrically in the support, so that none is at the middle; of a lopsided density
+    none is at its centre; or, where the density starts with a jump, they lie from there on (a jump at the upper end of
+    a table is met to within a node only).
     """
     if density.spread == 0:
         return np.array([density.peak]), np.ones(1)
@@ -348,6 +368,9 @@ def equally_spaced(density: Density, spacing: float, cut: float = 4.5) -> Nodes:
     at_low, at_peak = density.at(np.array([low, density.peak]))
     jump = at_low > 0.02 * at_peak
     start = low if jump else (low + high - count * spacing) / 2
+    if isinstance(density, Bent) and density.lopsided and not jump:
+        start = density.centre - spacing * math.ceil((density.centre - low) / spacing)
+        count = math.ceil((high - start) / spacing)
     fields: Array = start + (np.arange(count, dtype=np.float64) + 0.5) * spacing
     weights = spacing * density.at(fields)
     if jump:  # the midpoint rule misses spacing^2/24 times the slope at an end where the density does not fade out

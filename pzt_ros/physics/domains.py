@@ -43,6 +43,9 @@ class Domains(Switching):
     interaction_field_tail: float = parameter(
         0.0, "1", "of the interaction fields: 0.25 about logistic, below 0 flatter than a Gaussian", bounds=(-1.0, 2.0)
     )
+    interaction_field_skew: float = parameter(
+        0.0, "1", "so much wider above 0 than below they are; 0: symmetric, none is preferred", bounds=(-0.8, 0.8)
+    )
     relaxation_time: float = parameter(
         1e-3, "s", "of thermally activated switching", symbol="tau_x", bounds=(1e-9, 1e6)
     )
@@ -85,8 +88,9 @@ class Domains(Switching):
         """Density of the interaction field (3.14)."""
         if self.interaction_density:
             return self.interaction_density
-        spread, tail = self.interaction_field_spread, self.interaction_field_tail
-        return Bent(0.0, spread, tail=tail) if tail and spread else Gaussian(0.0, spread)
+        spread, tail, skew = self.interaction_field_spread, self.interaction_field_tail, self.interaction_field_skew
+        is_bent = bool(spread and (tail or skew))
+        return Bent(0.0, spread, tail=tail, lopsided=skew) if is_bent else Gaussian(0.0, spread)
 
     @property
     def thermal_width(self) -> float:

@@ -19,6 +19,9 @@ GIVEN = ("gain", "layer_thickness", "electrode_area", "active_length", "temperat
 SHAPES = ("coercive_field_skew", "interaction_field_tail")
 """How densities differ from Gaussians: free only where `free:` names them, for most runs do not tell."""
 
+LOPSIDED = "interaction_field_skew"
+"""The same of interaction fields that prefer a direction, which a bias field looks much like."""
+
 NUMERICAL = ("accuracy", "spacing", "cut", "dead_band")
 """Settings of a method, not properties of a specimen; a fit leaves them alone, as it does the counts of nodes."""
 
@@ -108,7 +111,7 @@ def free_parameters(chain: Chain) -> list[FreeParameter]:
     known = {parameter.name: parameter for parameter in fittable(chain)}
     names = chain.notes.get("free")
     if names is None:
-        return [parameter for parameter in known.values() if parameter.field not in (*GIVEN, *SHAPES)]
+        return [parameter for parameter in known.values() if parameter.field not in (*GIVEN, *SHAPES, LOPSIDED)]
     if not isinstance(names, list) or not names:
         raise BenchError(f"{chain.name}: free: {names!r} is not a list of parameters; known are {', '.join(known)}")
     for name in names:
