@@ -15,6 +15,7 @@ from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
+from pzt_ros.diagnosis.lopsided import lopsided_instead
 from pzt_ros.diagnosis.other_bases import EFFECTS_ON_ELEMENTS, Densities, Elements, on_densities, on_relays
 from pzt_ros.diagnosis.reach_of_pasts import unreached_beside
 from pzt_ros.diagnosis.search import Search
@@ -120,6 +121,10 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
+    base = None if search.at_floor(steps[-1].after) else lopsided_instead(declared, steps, search)
+    if base is not None:
+        shapes = dataclasses.replace(search, thresholds=asked.on_shaped())
+        return _begun_anew(bases._replace(declared=base, relays=None), shapes)
     are_shapes_all = is_far_off and _shapes_come_down([steps[0].after], search)
     on_shapes = _on_shapes(declared, shaped(declared), search) if are_shapes_all else None
     if on_shapes is not None:

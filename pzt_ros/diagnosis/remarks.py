@@ -50,7 +50,7 @@ _GRAIN = (
 )
 _SHAPED = (
     "The densities of coercive and interaction fields are no Gaussians: their skew and tails were fitted, too"
-    " (coercive_field_skew, interaction_field_tail)."
+    " (coercive_field_skew, interaction_field_tail and, where they prefer a direction, interaction_field_skew)."
 )
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"

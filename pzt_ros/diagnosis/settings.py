@@ -66,6 +66,8 @@ class Thresholds:
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
+        lopsided_less: share of what a bias field leaves that interaction fields which prefer a direction may leave.
+        lopsided_outdone: share of what a polycrystal leaves that nobody declared that these may leave to be the base.
         plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
@@ -149,6 +151,8 @@ class Thresholds:
     lattice_is_all: float = 0.05
     rateless: float = 3.0
     shaped_less: float = 0.8
+    lopsided_less: float = 0.8
+    lopsided_outdone: float = 0.5
     plainer: float = 1.05
     tie: float = 0.93
     alike_tie: float = 0.9

@@ -22,6 +22,7 @@ from pzt_ros.diagnosis.flexible import fit_rate_independent, tells_all
 from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
+from pzt_ros.diagnosis.lopsided import lopsided_undeclared
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.reach_of_pasts import where_no_past_reaches
 from pzt_ros.diagnosis.settings import Thresholds
@@ -101,7 +102,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     virgin = plain = begun(chain, runs)
     found = where_no_past_reaches(virgin, as_poled(virgin, is_declared=False), workers)
     if max(found.ratios) > asked.floor:
-        found = shaped(found)
+        found = lopsided_undeclared(shaped(found), asked, progress, workers)
     if asked.floor < max(found.ratios) <= asked.near_floor:
         found = exact(found)  # it may be no more than what the front model is off by
     if max(found.ratios) <= asked.floor:
