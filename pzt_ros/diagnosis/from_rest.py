@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.histories import refitted_from
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.poling import peaks, poled_anew, poled_start
+from pzt_ros.sysid.run import Start
 
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
 _FAR_LESS, _LESS_LATELY, _LESS = 0.1, 0.25, 0.5
@@ -54,6 +55,14 @@ def as_poled(virgin: Hypothesis, is_declared: bool = True) -> Hypothesis:
     best = fitted(best.staged, best.vector, most_steps=_STEPS)
     most = (_LESS_LATELY if _were_lately(best) else _FAR_LESS) if is_declared else _LESS
     return best if best.excess <= most * virgin.excess else virgin
+
+
+def as_virgin(found: Hypothesis) -> Hypothesis:
+    """The same with its runs from rest on a ceramic that was never driven, not fitted yet."""
+    runs = [dataclasses.replace(run.uncut, poled=False) for run in found.staged.runs]
+    staged = dataclasses.replace(found.staged, runs=seen_through(found.staged.chain, runs))
+    starts = {number: Start() for number, run in enumerate(runs) if not run.begins_driven}
+    return refitted_from(dataclasses.replace(found, staged=staged), starts, 0)
 
 
 def is_taken_for_virgin(found: Hypothesis) -> bool:

@@ -102,7 +102,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     virgin = plain = begun(chain, runs)
     found = where_no_past_reaches(virgin, as_poled(virgin, is_declared=False), workers)
     if max(found.ratios) > asked.floor:
-        found = lopsided_undeclared(shaped(found), asked, progress, workers)
+        found = lopsided_undeclared(shaped(found), virgin, asked, progress, workers)
     if asked.floor < max(found.ratios) <= asked.near_floor:
         found = exact(found)  # it may be no more than what the front model is off by
     if max(found.ratios) <= asked.floor:

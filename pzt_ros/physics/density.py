@@ -109,10 +109,10 @@ class Bent(_Bell):
     def at(self, fields: Array) -> Array:
         """Density at `fields` [m/V]."""
         first, last = self._shares
-        z, growth = self._straight(fields)
+        inside = np.clip(fields, *self._ends)
+        z, growth = self._straight(inside)
         bell = np.exp(-0.5 * z**2) * growth / (math.sqrt(2 * math.pi) * self.sigma)
-        low, high = self._ends
-        return np.where((fields >= low) & (fields <= high), bell / (last - first), 0.0)
+        return np.where(inside == fields, bell / (last - first), 0.0)
 
     def below(self, fields: Array) -> Array:
         """Share of the domains below `fields` [-]."""
