@@ -121,7 +121,7 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
-    base = None if search.at_floor(steps[-1].after) else lopsided_instead(declared, steps, search)
+    base = lopsided_instead(declared, steps, search)
     if base is not None:
         shapes = dataclasses.replace(search, thresholds=asked.on_shaped())
         return _begun_anew(bases._replace(declared=base, relays=None), shapes)

@@ -13,16 +13,22 @@ from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import lopsided
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.effects.bias_field import BiasField
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import Workers
+
+_ALIKE = frozenset({BiasField.kind, SensorNonlinearity.kind})
 
 
 def lopsided_instead(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Hypothesis | None:
     """The base with such fields, where they leave far less than it, and less than any bias field beside it.
 
-    It is asked where effects beside the declared density do not leave the noise, for a curve of the sensor and a bias
-    field come near such a direction, and it near them: beside it a curve left 6 x of 21, and it left 1.1 x.
+    A curve of the sensor and a bias field come near such a direction, and it near them: of one that left 21 x a curve
+    left 6 x, and it 1.1 x. So it is asked where one of these was found, or effects do not leave the noise.
     """
     asked, found = search.thresholds, steps[-1].after
+    if search.at_floor(found) and not _ALIKE & {EFFECT_OF[name].reported for name in found.effects}:
+        return None
     search.progress("fitting interaction fields that prefer a direction")
     base = min((lopsided(place) for place in _places(declared)), key=lambda each: each.total)
     biased = [each.after for each in steps[0].candidates if each.cause == BiasField.kind]
