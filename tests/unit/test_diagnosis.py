@@ -29,7 +29,9 @@ from pzt_ros.diagnosis.branches import _trusted, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.coordinates import coordinate, of_effect
 from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, slow_curves, split
+from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.elimination import (
+    bias_in_question,
     hysteresis_in_question,
     is_law_as_good,
     law_in_question,
@@ -57,6 +59,7 @@ from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.diagnosis.wandering import _spacing
 from pzt_ros.diagnosis.wandering import wandering as wandering_of
+from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.insert import effects_in, with_effect
 from pzt_ros.effects.sensor_lag import SensorLag
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
@@ -901,6 +904,30 @@ def test_a_hysteresis_that_elements_may_lack_themselves_is_left_open(
     at_once = Step(after, (), {}, (steps[0].accepted[0], steps[1].accepted[0]), (), "")
     tied = [step.tied for step in hysteresis_in_question([at_once], Thresholds())]
     assert tied == ([(), ("strain_polarization_hysteresis", "hysteresis_density")] if is_open else [()])
+
+
+@pytest.mark.parametrize(
+    ("drift_share", "time_constant", "is_declared", "is_open"),
+    [
+        (0.0, 1e-3, False, True),
+        (0.5, 1e-3, False, True),  # all there at the first sample but one
+        (0.5, 10.0, False, False),
+        (0.0, 1e-3, True, False),
+    ],
+)
+def test_a_bias_field_that_never_changes_is_left_open_on_an_identified_density(
+    drift_share: float, time_constant: float, is_declared: bool, is_open: bool
+) -> None:
+    """A court case: nothing hidden beside correlated thresholds, and 12.5 V from the first sample on."""
+    bias = BiasField(bias_voltage=12.5, drift_share=drift_share, time_constant=time_constant)
+    ceramic = object.__new__(DeclaredHysteresis) if is_declared else SimpleNamespace()
+    run = SimpleNamespace(record=SimpleNamespace(time=np.linspace(0.0, 40.0, 4001)))
+    staged = SimpleNamespace(ceramic=ceramic, runs=[run], chain_at=lambda vector: SimpleNamespace(links=(bias,)))
+    after: Any = SimpleNamespace(staged=staged, vector=np.zeros(1), effects=("bias_field",))
+    step = Step(after, (), {}, (cast(Any, SimpleNamespace(name="bias_field", after=after)),), (), "")
+    (found,) = bias_in_question([step])
+    assert found.tied == (("bias_field", "hysteresis_density") if is_open else ())
+    assert bias_in_question([]) == []
 
 
 def misfitting(fit: float, selection: float) -> Any:
