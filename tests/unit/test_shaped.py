@@ -45,10 +45,10 @@ def skewed() -> Chain:
     return _stage(Front(**FIELDS, **tables))
 
 
-def lopsided() -> Chain:
+def lopsided(skew: float = 3.0, scale: float = 5e5) -> Chain:
     """Skewed normal interaction fields, densest at 0, as a table: near what a lopsided density can be, and not it."""
     fields = np.linspace(-1.6e6, 1.6e6, 801)
-    wide = _stats.skewnorm(a=3.0, scale=5e5)
+    wide = _stats.skewnorm(a=skew, scale=scale)
     mode = fields[np.argmax(wide.pdf(fields))]
     return _stage(Front(**FIELDS, interaction_density=Table(tuple(fields), tuple(wide.pdf(fields + mode)))))
 
@@ -76,12 +76,13 @@ def test_a_density_that_is_no_gaussian_is_no_effect(declared: Chain | None) -> N
     assert report.model.links[0].coercive_field_skew > 0.1  # type: ignore[attr-defined]
 
 
-def test_interaction_fields_that_prefer_a_direction_are_no_effect() -> None:
-    """Beside Gaussians a curve of the sensor explains nine tenths of what they leave."""
-    report = diagnose(*runs_of(lopsided()), declared_as(Lattice), workers=IN_THIS_PROCESS)
+@pytest.mark.parametrize(("skew", "scale"), [(1.5, 4e5), (3.0, 5e5)])
+def test_interaction_fields_that_prefer_a_direction_are_no_effect(skew: float, scale: float) -> None:
+    """Beside Gaussians a curve of the sensor and a bias field explain nearly all that a little of it leaves."""
+    report = diagnose(*runs_of(lopsided(skew, scale)), declared_as(Lattice), workers=IN_THIS_PROCESS)
     assert (report.effects, report.remains.present) == ((), False)
     assert report.after.test < 1.1 * NOISE
-    assert abs(report.model.links[0].interaction_field_skew) > 0.1  # type: ignore[attr-defined]
+    assert abs(report.model.links[0].interaction_field_skew) > 0.05  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
