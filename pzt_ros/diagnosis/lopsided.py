@@ -10,7 +10,7 @@ from pzt_ros.diagnosis.from_rest import as_virgin
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.shaped import lopsided
+from pzt_ros.diagnosis.shaped import lopsided, may_be_lopsided
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
@@ -27,12 +27,14 @@ def lopsided_instead(declared: Hypothesis, steps: Sequence[Step], search: Search
     left 6 x, and it 1.1 x. So it is asked where one of these was found, or effects do not leave the noise.
     """
     asked, found = search.thresholds, steps[-1].after
+    if not may_be_lopsided(declared):
+        return None
     if search.at_floor(found) and not _ALIKE & {EFFECT_OF[name].reported for name in found.effects}:
         return None
     search.progress("fitting interaction fields that prefer a direction")
     base = min((lopsided(place) for place in _places(declared)), key=lambda each: each.total)
     biased = [each.after for each in steps[0].candidates if each.cause == BiasField.kind]
-    if base is declared or base.excess > asked.outdone * declared.excess or search.limit.is_over():
+    if base.excess > asked.outdone * declared.excess or search.limit.is_over():
         return None
     if found.fit.ratio <= asked.in_sight and base.total >= found.total:
         return None

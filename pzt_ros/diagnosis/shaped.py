@@ -26,11 +26,8 @@ def shaped(found: Hypothesis, shapes: Sequence[str] = SHAPES) -> Hypothesis:
     Gaussians may have run far for what they lack: from a coercive field of 1 V/m a skewed density left 3.5 x, from
     where the chain was declared 1.03 x.
     """
-    staged, ceramic = found.staged, found.staged.ceramic
-    if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Polycrystal):
-        return found
-    held = [shape for shape in shapes if shape not in [each.field for each in ceramic.coordinates]]
-    if not held:
+    held, staged, ceramic = _held(found, shapes), found.staged, found.staged.ceramic
+    if not held or not isinstance(ceramic, DeclaredHysteresis):
         return found
     freed, known = ceramic.with_free(held), len(ceramic.coordinates)
     vector = np.concatenate((found.vector[:known], freed.start[known : known + len(held)], found.vector[known:]))
@@ -45,6 +42,19 @@ def shaped(found: Hypothesis, shapes: Sequence[str] = SHAPES) -> Hypothesis:
 def lopsided(found: Hypothesis) -> Hypothesis:
     """The same with interaction fields that may prefer a direction, too: of those Gaussians left 21 x, these 1.1 x."""
     return shaped(found, (*SHAPES, LOPSIDED))
+
+
+def may_be_lopsided(found: Hypothesis) -> bool:
+    """Whether it has interaction fields that are held symmetric."""
+    return bool(_held(found, [LOPSIDED]))
+
+
+def _held(found: Hypothesis, shapes: Sequence[str]) -> list[str]:
+    """Those of some shapes that a polycrystal has and that are not free."""
+    ceramic = found.staged.ceramic
+    if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Polycrystal):
+        return []
+    return [shape for shape in shapes if shape not in [each.field for each in ceramic.coordinates]]
 
 
 def _total(found: Hypothesis) -> float:
