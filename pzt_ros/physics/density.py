@@ -125,7 +125,8 @@ class Bent(_Bell):
         whole, side = first + np.asarray(share) * (last - first), self.lopsided
         is_above = whole > (1 - side) / 2
         z = special.ndtri(np.where(is_above, (whole + side) / (1 + side), whole / (1 - side)))
-        return self.centre + np.where(is_above, *self._widths[::-1]) * self._bent(z)
+        below, above = self._widths
+        return self.centre + np.where(is_above, above, below) * self._bent(z)
 
     def widened(self, sigma: float) -> Bent:
         """The same, at least so wide."""
@@ -164,7 +165,8 @@ class Bent(_Bell):
 
     def _straight(self, fields: Array) -> tuple[Array, Array]:
         """z at some fields, and dz/dh; infinitely far out, and 0, where there is none."""
-        h = (fields - self.centre) / np.where(fields > self.centre, *self._widths[::-1])
+        below, above = self._widths
+        h = (fields - self.centre) / np.where(fields > self.centre, above, below)
         s, r = self.skew, math.sqrt(abs(self.tail))
         if s:
             growth = s * h + math.exp(-(s**2))
