@@ -9,8 +9,8 @@ more. Two tables since then; then seven looks, while a fault was sought that
 left the amplifier's gain out of a past (245 nm by `pzt diagnose`, 115 without it), and five tables after its last half
 was mended, the fourth with a finer lattice (0.266 % for 0.262, and 94 nm by `pzt diagnose`), the fifth alike, and a
 sixth since: 0.278 %, and five tables on 2026-11-28 and one on 2026-11-29, alike; after that three
-of what `pzt diagnose` says, before and after the changes of two sessions, alike. So the figure is not as clean as a first look
-would be.""",
+of what `pzt diagnose` says, before and after the changes of two sessions, alike. So the figure is not as clean as a
+first look would be.""",
     "afm": """two in this form: 0.223 %, then 0.236 % with the record in one piece, as it was taken; nothing
 was changed for it; then 0.223 % with the last fit. A rule that readings which stand alone do not count, made for
 lost readings in simulated runs, found 18 here; after a picture of the whole record, score part included, it asks for
