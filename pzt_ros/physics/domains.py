@@ -44,7 +44,7 @@ class Domains(Switching):
         0.0, "1", "of the interaction fields: 0.25 about logistic, below 0 flatter than a Gaussian", bounds=(-1.0, 2.0)
     )
     interaction_field_skew: float = parameter(
-        0.0, "1", "so much wider above 0 than below they are; 0: symmetric, none is preferred", bounds=(-0.8, 0.8)
+        0.0, "1", "s: the interaction fields are 1 + s times as wide above 0, 1 - s below; 0: even", bounds=(-0.8, 0.8)
     )
     relaxation_time: float = parameter(
         1e-3, "s", "of thermally activated switching", symbol="tau_x", bounds=(1e-9, 1e6)
