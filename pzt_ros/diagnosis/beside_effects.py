@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
-from pzt_ros.diagnosis.data import seen_through
 from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
+from pzt_ros.diagnosis.from_rest import on_whole_runs
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted, without_effects
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -111,9 +111,8 @@ class BesideEffects:
         """The same on all samples, where that leaves nothing, either: the effect was what a past had seemed to be."""
         if not any(run.since for run in found.staged.runs):
             return found
-        runs = [replace(run.uncut, poled=False) for run in found.staged.runs]
-        staged = replace(found.staged, runs=seen_through(found.staged.chain, runs))
-        whole = self._in_turn(without_effects(fitted(staged, found.vector, found.effects)), name)
+        counted = fitted(on_whole_runs(found.staged), found.vector, found.effects)
+        whole = self._in_turn(without_effects(counted), name)
         return whole if whole is not None and tells_all(whole, self.asked) else found
 
     def _judged(self, found: Hypothesis, tried: frozenset[str] = frozenset()) -> Branch | None:

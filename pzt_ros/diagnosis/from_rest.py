@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.histories import refitted_from
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.poling import peaks, poled_anew, poled_start
+from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.sysid.run import Start
 
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
@@ -59,10 +60,14 @@ def as_poled(virgin: Hypothesis, is_declared: bool = True) -> Hypothesis:
 
 def as_virgin(found: Hypothesis) -> Hypothesis:
     """The same with its runs from rest on a ceramic that was never driven, not fitted yet."""
-    runs = [dataclasses.replace(run.uncut, poled=False) for run in found.staged.runs]
-    staged = dataclasses.replace(found.staged, runs=seen_through(found.staged.chain, runs))
-    starts = {number: Start() for number, run in enumerate(runs) if not run.begins_driven}
-    return refitted_from(dataclasses.replace(found, staged=staged), starts, 0)
+    starts = {number: Start() for number, run in enumerate(found.staged.runs) if not run.begins_driven}
+    return refitted_from(dataclasses.replace(found, staged=on_whole_runs(found.staged)), starts, 0)
+
+
+def on_whole_runs(staged: Staged) -> Staged:
+    """The same with all samples of its runs counted, none of these taken for poled."""
+    runs = [dataclasses.replace(run.uncut, poled=False) for run in staged.runs]
+    return dataclasses.replace(staged, runs=seen_through(staged.chain, runs))
 
 
 def is_taken_for_virgin(found: Hypothesis) -> bool:

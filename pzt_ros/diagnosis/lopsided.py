@@ -14,7 +14,7 @@ from pzt_ros.diagnosis.shaped import lopsided, may_be_lopsided
 from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
-from pzt_ros.effects.table import EFFECT_OF
+from pzt_ros.effects.table import reported
 from pzt_ros.parallel import Workers
 
 _ALIKE = frozenset({BiasField.kind, SensorNonlinearity.kind})
@@ -27,14 +27,14 @@ def lopsided_instead(declared: Hypothesis, steps: Sequence[Step], search: Search
     left 6 x, and it 1.1 x. So it is asked where one of these was found, or effects do not leave the noise.
     """
     asked, found = search.thresholds, steps[-1].after
-    if not may_be_lopsided(declared):
+    if not may_be_lopsided(declared) or search.limit.is_over():
         return None
-    if search.at_floor(found) and not _ALIKE & {EFFECT_OF[name].reported for name in found.effects}:
+    if search.at_floor(found) and not _ALIKE & {reported(name) for name in found.effects}:
         return None
     search.progress("fitting interaction fields that prefer a direction")
     base = min((lopsided(place) for place in _places(declared)), key=lambda each: each.total)
     biased = [each.after for each in steps[0].candidates if each.cause == BiasField.kind]
-    if base.excess > asked.outdone * declared.excess or search.limit.is_over():
+    if base.excess > asked.outdone * declared.excess:
         return None
     if found.fit.ratio <= asked.in_sight and base.total >= found.total:
         return None

@@ -27,8 +27,9 @@ def shaped(found: Hypothesis, shapes: Sequence[str] = SHAPES) -> Hypothesis:
     where the chain was declared 1.03 x.
     """
     held, staged, ceramic = _held(found, shapes), found.staged, found.staged.ceramic
-    if not held or not isinstance(ceramic, DeclaredHysteresis):
+    if not held:
         return found
+    assert isinstance(ceramic, DeclaredHysteresis)
     freed, known = ceramic.with_free(held), len(ceramic.coordinates)
     vector = np.concatenate((found.vector[:known], freed.start[known : known + len(held)], found.vector[known:]))
     free = dataclasses.replace(staged, ceramic=freed)

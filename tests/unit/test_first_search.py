@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import beside_effects, branches, judge, other_bases, refinement, seeker
+from pzt_ros.diagnosis import beside_effects, branches, from_rest, judge, other_bases, refinement, seeker
 from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.beside_effects import BesideEffects
@@ -792,7 +792,7 @@ def test_samples_that_a_past_seemed_to_reach_count_where_an_effect_was_what_hid_
     found.staged, found.vector = StagedLike(chain=None, runs=[run]), np.zeros(1)
     there.staged = SimpleNamespace(has_past=False, ceramic=None)
     counted: list[Any] = []
-    monkeypatch.setattr(beside_effects, "seen_through", lambda chain, runs: counted.extend(runs) or runs)
+    monkeypatch.setattr(from_rest, "seen_through", lambda chain, runs: counted.extend(runs) or runs)
     monkeypatch.setattr(beside_effects, "fitted", lambda staged, vector, effects: found)
     monkeypatch.setattr(beside_effects, "without_effects", lambda whole: whole)
     monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, base, name: there)
