@@ -11,7 +11,7 @@ from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.elimination import bias_in_question, without
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
-from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside
+from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside, whole_beside
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
@@ -119,6 +119,9 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     steps = trial.run(declared)
     if beside.told is not None:
         return [_on_declared(declared, tuple(steps)), beside.told]
+    base = None if limit.is_over() else _whole_instead(steps, search)
+    if base is not None:
+        return _begun_anew(bases._replace(declared=base, relays=None), search)
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
@@ -251,6 +254,14 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
         return False
     others = [elements.base, *([bases.relays] if bases.relays is not None else [])]
     return all(other.excess > asked.outdone * declared.excess for other in others)
+
+
+def _whole_instead(steps: Sequence[Step], search: Search) -> Hypothesis | None:
+    """The base that was never driven, where an effect tells nearly all of whole runs that had seemed to be their pasts'."""
+    final = steps[-1].after
+    beside = whole_beside(final) if len(final.effects) == 1 else None
+    is_near = beside is not None and max(beside.ratios) <= search.thresholds.near_floor
+    return without(beside, final.effects[0]) if beside is not None and is_near else None
 
 
 def _with_other_pasts(steps: Sequence[Step], asked: Thresholds) -> Hypothesis | None:

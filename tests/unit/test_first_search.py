@@ -43,6 +43,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "is_shaped", lambda found: False)
     monkeypatch.setattr(branches, "_on_free_shape", lambda *_: None)
     monkeypatch.setattr(branches, "lopsided_instead", lambda *_: None)
+    monkeypatch.setattr(branches, "whole_beside", lambda *_: None)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
 
 

@@ -10,12 +10,14 @@ import pytest
 
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
-from pzt_ros.diagnosis.data import split
+from pzt_ros.diagnosis.data import seen_through, split
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.from_rest import as_poled
+from pzt_ros.diagnosis.from_rest import as_poled, whole_beside
 from pzt_ros.diagnosis.histories import _sought_beside, refitted_from
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.outcome import model_of
+from pzt_ros.diagnosis.reach_of_pasts import counted_where_no_past_reaches
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.undeclared import default_chain
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.physics.bouc_wen import BoucWen
@@ -108,6 +110,30 @@ def test_no_past_is_sought_where_no_run_is_described_or_none_had_one() -> None:
     far_off = fitted(found.staged, found.vector + 0.05, most_steps=0)
     assert min(far_off.ratios) > 1.2
     assert _sought_beside(far_off) is None
+
+
+def cut(found: Hypothesis, effects: tuple[str, ...]) -> Hypothesis:
+    """The same where no past reaches, as one that an effect was found on."""
+    runs = [counted_where_no_past_reaches(run) for run in found.staged.runs]
+    assert all(run.since for run in runs)
+    beyond = dataclasses.replace(found.staged, runs=seen_through(found.staged.chain, runs))
+    return fitted(beyond, found.vector, effects, most_steps=0)
+
+
+@pytest.mark.parametrize("poled", [False, True])
+def test_an_effect_that_was_taken_for_pasts_is_asked_of_whole_runs(poled: bool) -> None:
+    """A court case: a curve was told from the samples that no past reaches, and left 2 x of a run that was not fitted."""
+    found = whole_beside(cut(fitted_to(poled=poled), ("sensor_nonlinearity",)))
+    assert found is not None
+    assert not any(run.since or run.poled for run in found.staged.runs)
+    assert {start.prior_voltages for start in starts_of(found)} == {()}
+    assert (max(found.ratios) < Thresholds().near_floor) is not poled
+
+
+def test_whole_runs_are_asked_where_samples_were_left_out_beside_an_effect() -> None:
+    found = fitted_to(poled=False)
+    assert whole_beside(dataclasses.replace(found, effects=("sensor_nonlinearity",))) is None
+    assert whole_beside(cut(found, ())) is None
 
 
 def test_a_run_that_no_fit_saw_begins_as_the_fitted_ones() -> None:
