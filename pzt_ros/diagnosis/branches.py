@@ -96,6 +96,8 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     )
     on_elements = dataclasses.replace(on_flexible, thresholds=asked.on_elements(), effects=EFFECTS_ON_ELEMENTS)
     elements = Elements(declared, on_elements)
+    if not (bases.is_known or search.blind(declared)) and elements.tell(asked):
+        return [_on_declared(declared, ()), elements.branch]  # of few numbers, and searched in seconds
     if bases.relays is not None and not search.blind(declared) and densities.tell_first(elements, asked):
         return [_on_declared(declared, ()), densities.on_relays]
     base = _poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
