@@ -16,7 +16,14 @@ from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
 from pzt_ros.diagnosis.lopsided import lopsided_instead
-from pzt_ros.diagnosis.other_bases import EFFECTS_ON_ELEMENTS, Densities, Elements, on_densities, on_relays
+from pzt_ros.diagnosis.other_bases import (
+    EFFECTS_ON_ELEMENTS,
+    Densities,
+    Elements,
+    beside_likeliest,
+    on_densities,
+    on_relays,
+)
 from pzt_ros.diagnosis.reach_of_pasts import unreached_beside
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -96,7 +103,8 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     )
     on_elements = dataclasses.replace(on_flexible, thresholds=asked.on_elements(), effects=EFFECTS_ON_ELEMENTS)
     elements = Elements(declared, on_elements)
-    if not (bases.is_known or search.blind(declared)) and elements.tell(asked):
+    is_open = not (bases.is_known or search.at_floor(declared) or search.blind(declared))
+    if is_open and elements.tell(asked):
         return [_on_declared(declared, ()), elements.branch]  # of few numbers, and searched in seconds
     if bases.relays is not None and not search.blind(declared) and densities.tell_first(elements, asked):
         return [_on_declared(declared, ()), densities.on_relays]
@@ -138,6 +146,9 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     base = None if search.explains(steps, declared) else _with_other_pasts(steps, asked)
     if base is not None and not limit.is_over():
         return _begun_anew(bases._replace(declared=base, relays=None), search)
+    own = beside_likeliest(steps[0].candidates, search) if is_far_off and not limit.is_over() else None
+    if own is not None:
+        return [_on_declared(declared, tuple(steps)), own]
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
         return [_on_declared(declared, tuple(steps)), *on_densities(densities, asked)]
     better = _better(declared, steps)
@@ -259,7 +270,7 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
 
 
 def _whole_instead(steps: Sequence[Step], search: Search) -> Hypothesis | None:
-    """The base that was never driven, where an effect tells nearly all of whole runs that had seemed to be their pasts'."""
+    """The base that was never driven, where an effect tells nearly all of what seemed to be that of pasts."""
     final = steps[-1].after
     beside = whole_beside(final) if len(final.effects) == 1 else None
     is_near = beside is not None and max(beside.ratios) <= search.thresholds.near_floor

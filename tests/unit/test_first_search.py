@@ -44,6 +44,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "_on_free_shape", lambda *_: None)
     monkeypatch.setattr(branches, "lopsided_instead", lambda *_: None)
     monkeypatch.setattr(branches, "whole_beside", lambda *_: None)
+    monkeypatch.setattr(branches, "beside_likeliest", lambda *_: None)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
 
 
@@ -347,6 +348,7 @@ def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monke
 
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(other_bases.Elements, "tell", lambda self, asked: False)
     (branch,) = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert branch.base is better
     assert searched == [declared]  # the better one is at the noise
@@ -429,6 +431,7 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     free = Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
     monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
     monkeypatch.setattr(other_bases.Elements, "branches", other("elements"))
+    monkeypatch.setattr(other_bases.Elements, "tell", lambda self, asked: False)
     monkeypatch.setattr(branches, "on_densities", other("relays"))
     found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert found[0].final is named
@@ -744,6 +747,11 @@ BOTH = ("bias_field", "polarization_fatigue")
             {"bias_field": [1.04], "polarization_fatigue": [1.05]},
             ("bias_field", ("bias_field", "polarization_fatigue")),
         ),
+        ({"bias_field": [1.04], "polarization_fatigue": [1.5]}, ("bias_field", ())),  # no second turn of the other
+        (
+            {"bias_field": [1.04], "polarization_fatigue": [1.12, 1.03]},
+            ("polarization_fatigue", ("polarization_fatigue", "bias_field")),
+        ),
         ({"bias_field": [1.04], "polarization_fatigue": []}, ("bias_field", ())),  # the other could not be tried
         ({"bias_field": [2.0, 1.9, 1.04], "polarization_fatigue": [3.0, 2.9]}, None),  # it came down too little
         ({"bias_field": [3.0, 2.0, 1.5], "polarization_fatigue": [3.0, 2.9]}, None),  # something is left
@@ -773,7 +781,7 @@ def test_effects_are_tried_each_on_a_lattice_of_its_own(
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
     monkeypatch.setattr(Candidate, "selection_size", 3.0)
     search = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
-    branch = search.on_own_densities(base, list(beside))
+    branch = search.on_own_densities({name: refitted.get(name, base) for name in beside})
     assert (branch is not None) is (told is not None)
     if branch is not None and told is not None:
         (step,) = branch.steps
@@ -796,7 +804,8 @@ def test_samples_that_a_past_seemed_to_reach_count_where_an_effect_was_what_hid_
     monkeypatch.setattr(from_rest, "seen_through", lambda chain, runs: counted.extend(runs) or runs)
     monkeypatch.setattr(beside_effects, "fitted", lambda staged, vector, effects: found)
     monkeypatch.setattr(beside_effects, "without_effects", lambda whole: whole)
-    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, base, name: there)
+    monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: bare)
+    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found: dict.fromkeys(found, there))
     beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
     assert (beside._on_whole_runs(found, "bias_field") is there) is is_taken
     assert [(each.since, each.poled) for each in counted] == [(0, False)]
@@ -852,13 +861,39 @@ def test_lattices_of_their_own_are_tried_where_one_effect_leaves_too_much(
     monkeypatch.setattr(Search, "step", lambda self, before: step)
     monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
     monkeypatch.setattr(Search, "continued", lambda self, steps, before: [*steps])
+    monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: left)
     monkeypatch.setattr(
-        BesideEffects, "on_own_densities", lambda self, base, names: asked_of.extend(names) or (own if told else None)
+        BesideEffects, "on_own_densities", lambda self, found: asked_of.extend(found) or (own if told else None)
     )
     branch = other_bases._on_all_seen(flexible, Thresholds(), Search(Thresholds().on_lattice()))
     assert asked_of == (["bias_field", "polarization_fatigue"] if tries else [])  # a variant is no other answer
     assert (branch is own) is (tries and told)
     assert branch is own or branch.steps == (step,)
+
+
+@pytest.mark.parametrize(
+    ("shares", "left", "asked_of"),
+    [
+        ((0.77, 0.7, 0.68, 0.6), 4.2, ["imprint", "thermal_drift"]),  # a variant is no other answer, and two are tried
+        ((0.5, 0.77, 0.3, 0.6), 4.2, ["bias_field", "sensor_lag"]),  # by what they explain
+        ((0.45, 0.4, 0.3, 0.2), 4.2, []),
+        ((0.77, 0.7, 0.68, 0.6), 13.0, []),  # too far off for a name
+    ],
+)
+def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, shares: tuple[float, ...], left: float, asked_of: list[str]
+) -> None:
+    """A court case: two kinds of domains and a bias field, which explained 77 % of what was fitted beside Gaussians."""
+    causes = {"imprint": "bias_field", "bias_field": "bias_field", "thermal_drift": "", "sensor_lag": "sensor_lag"}
+    tried: Any = [
+        SimpleNamespace(name=name, cause=cause or name, after=leaving(left, left, effects=(name,)), fit_share=share)
+        for (name, cause), share in zip(causes.items(), shares, strict=True)
+    ]
+    own, found = other_bases.Branch("identified", leaving(1.0, 1.0), ()), {}
+    monkeypatch.setattr(BesideEffects, "on_own_densities", lambda self, places: found.update(places) or own)
+    assert other_bases.beside_likeliest(tried, Search()) is own
+    assert list(found) == asked_of
+    assert all(place.effects == (name,) for name, place in found.items())
 
 
 @pytest.mark.parametrize(
@@ -958,3 +993,33 @@ def test_a_base_that_nobody_declared_may_hide_a_past(
     bases = Bases(leaving(declared, declared), leaving(relays, relays), declares)
     others: Any = SimpleNamespace(base=leaving(elements, elements))
     assert branches._may_hide_a_past(bases, others, Thresholds()) is is_so
+
+
+@pytest.mark.parametrize(
+    ("knows", "left", "tells", "ends"),
+    [
+        (False, 1.0, True, True),
+        (False, 1.9, True, True),  # an effect hides which of them a stage is more like
+        (False, 2.1, True, False),
+        (False, 1.0, False, False),
+        (True, 1.0, True, False),  # what was declared is searched first
+    ],
+)
+def test_elements_that_tell_all_end_the_search_where_nothing_was_declared(
+    monkeypatch: pytest.MonkeyPatch, knows: bool, left: float, tells: bool, ends: bool
+) -> None:
+    """A court case: a fatigue beside elements left them 1.6 of a domain's excess; relays and a lattice took 250 s."""
+    declared = leaving(5.0, 5.0)
+    declared.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
+    elements = SimpleNamespace(excess=left * declared.excess)
+    told = SimpleNamespace(final=leaving(1.0, 1.0), explains=lambda asked: tells)
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: elements)
+    monkeypatch.setattr(other_bases.Elements, "_searched", staticmethod(lambda base, search: told))
+    monkeypatch.setattr(branches, "_may_hide_a_past", lambda *_: False)
+    asked = Thresholds() if knows else Thresholds().on_undeclared()
+    bases = Bases(declared, is_known=knows)
+    monkeypatch.setattr(branches, "_sooner", lambda *_: ["on another base"])
+    found = branches._searched(bases, asked, lambda text: None, IN_THIS_PROCESS, TimeLimit())
+    assert (found[-1] is told) is ends
+    assert ends or found[-1] == "on another base"

@@ -122,7 +122,7 @@ def cut(found: Hypothesis, effects: tuple[str, ...]) -> Hypothesis:
 
 @pytest.mark.parametrize("poled", [False, True])
 def test_an_effect_that_was_taken_for_pasts_is_asked_of_whole_runs(poled: bool) -> None:
-    """A court case: a curve was told from the samples that no past reaches, and left 2 x of a run that was not fitted."""
+    """A court case: a curve was told from samples that no past reaches, and left 2 x of a run that was not fitted."""
     found = whole_beside(cut(fitted_to(poled=poled), ("sensor_nonlinearity",)))
     assert found is not None
     assert not any(run.since or run.poled for run in found.staged.runs)
