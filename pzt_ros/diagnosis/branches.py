@@ -146,11 +146,11 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     base = None if search.explains(steps, declared) else _with_other_pasts(steps, asked)
     if base is not None and not limit.is_over():
         return _begun_anew(bases._replace(declared=base, relays=None), search)
-    own = beside_likeliest(steps[0].candidates, search) if is_far_off and not limit.is_over() else None
-    if own is not None:
-        return [_on_declared(declared, tuple(steps)), own]
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
         return [_on_declared(declared, tuple(steps)), *on_densities(densities, asked)]
+    own = beside_likeliest(steps[0].candidates, densities, search) if is_far_off and not limit.is_over() else None
+    if own is not None:
+        return [_on_declared(declared, tuple(steps)), own]
     better = _better(declared, steps)
     if better is not declared and not limit.is_over():  # what it had not come down by may be all that was explained
         return _begun_anew(bases._replace(declared=better), search)

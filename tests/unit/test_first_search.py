@@ -872,16 +872,17 @@ def test_lattices_of_their_own_are_tried_where_one_effect_leaves_too_much(
 
 
 @pytest.mark.parametrize(
-    ("shares", "left", "asked_of"),
+    ("shares", "left", "lattice", "asked_of"),
     [
-        ((0.77, 0.7, 0.68, 0.6), 4.2, ["imprint", "thermal_drift"]),  # a variant is no other answer, and two are tried
-        ((0.5, 0.77, 0.3, 0.6), 4.2, ["bias_field", "sensor_lag"]),  # by what they explain
-        ((0.45, 0.4, 0.3, 0.2), 4.2, []),
-        ((0.77, 0.7, 0.68, 0.6), 13.0, []),  # too far off for a name
+        ((0.77, 0.7, 0.68, 0.6), 4.2, 3.9, ["imprint", "thermal_drift"]),  # a variant is no other answer; two are tried
+        ((0.5, 0.77, 0.3, 0.6), 4.2, 3.9, ["bias_field", "sensor_lag"]),  # by what they explain
+        ((0.45, 0.4, 0.3, 0.2), 4.2, 3.9, []),
+        ((0.77, 0.7, 0.68, 0.6), 13.0, 12.0, []),  # too far off for a name
+        ((0.77, 0.7, 0.68, 0.6), 4.2, 1.9, []),  # a lattice leaves far less than any of them
     ],
 )
 def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
-    monkeypatch: pytest.MonkeyPatch, shares: tuple[float, ...], left: float, asked_of: list[str]
+    monkeypatch: pytest.MonkeyPatch, shares: tuple[float, ...], left: float, lattice: float, asked_of: list[str]
 ) -> None:
     """A court case: two kinds of domains and a bias field, which explained 77 % of what was fitted beside Gaussians."""
     causes = {"imprint": "bias_field", "bias_field": "bias_field", "thermal_drift": "", "sensor_lag": "sensor_lag"}
@@ -890,10 +891,33 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
         for (name, cause), share in zip(causes.items(), shares, strict=True)
     ]
     own, found = other_bases.Branch("identified", leaving(1.0, 1.0), ()), {}
+    densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice))
     monkeypatch.setattr(BesideEffects, "on_own_densities", lambda self, places: found.update(places) or own)
-    assert other_bases.beside_likeliest(tried, Search()) is own
+    assert other_bases.beside_likeliest(tried, densities, Search()) is (own if asked_of else None)
     assert list(found) == asked_of
     assert all(place.effects == (name,) for name, place in found.items())
+
+
+@pytest.mark.parametrize(
+    ("likeliest", "explains", "wanders"),
+    [("thermal_drift", True, True), ("thermal_drift", False, False), ("bias_field", True, False)],
+)
+def test_readings_that_wander_on_a_density_are_asked_before_two_effects_where_a_drift_is_likeliest(
+    monkeypatch: pytest.MonkeyPatch, likeliest: str, explains: bool, wanders: bool
+) -> None:
+    """A court case: straight drifts explained 82 % of what was fitted beside relays and foretold hardly what chose."""
+    base = leaving(2.6, 4.7)
+    other = {"thermal_drift": "bias_field", "bias_field": "thermal_drift"}[likeliest]
+    tried: Any = (SimpleNamespace(name=other, fit_share=0.7), SimpleNamespace(name=likeliest, fit_share=0.8))
+    asked_of: list[str] = []
+    chance = Step(base, (), {}, (), (), "by chance")
+    monkeypatch.setattr(Search, "run", lambda self, found: [Step(found, tried, {}, (), (), "")])
+    monkeypatch.setattr(Search, "with_wandering", lambda self, steps, found: asked_of.append("wandering") or [chance])
+    monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: asked_of.append("pair") or [*steps])
+    monkeypatch.setattr(Search, "explains", lambda self, steps, found: explains)
+    branch = other_bases._on_density(base, Search(Thresholds().on_flexible()))
+    assert (branch.steps == (chance,)) is wanders
+    assert asked_of[-1] == ("wandering" if wanders else "pair")
 
 
 @pytest.mark.parametrize(
