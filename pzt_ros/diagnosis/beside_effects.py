@@ -65,7 +65,8 @@ class BesideEffects:
         for identify in kinds:
             found = identify(final, self.search.progress)
             if tells_all(found, self.asked):
-                branch = self._judged(found)
+                whole = self._on_whole_runs(found, *found.effects) if len(found.effects) == 1 else found
+                branch = self._judged(whole)
                 return branch if branch is not None and branch.explains(self.asked) else None
         return None
 

@@ -277,6 +277,15 @@ def _whole_instead(steps: Sequence[Step], search: Search) -> Hypothesis | None:
     return without(beside, final.effects[0]) if beside is not None and is_near else None
 
 
+def _of_whole_runs(branch: Branch, search: Search) -> Branch:
+    """A search anew on the base that was never driven, where its effect tells nearly all there and explains all."""
+    base = _whole_instead(branch.steps, search) if branch.steps and not search.limit.is_over() else None
+    if base is None:
+        return branch
+    there = dataclasses.replace(branch, base=base, steps=tuple(search.run(base)))
+    return there if search.explains(there.steps, base) else branch
+
+
 def _with_other_pasts(steps: Sequence[Step], asked: Thresholds) -> Hypothesis | None:
     """The base with its runs from rest poled before, or without what a past reaches, where an effect shows that."""
     poled = _poled_instead(steps[0].candidates, asked) if steps[-1].after.fit.ratio > asked.in_sight else None
@@ -325,7 +334,7 @@ def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) ->
         return None
     search = dataclasses.replace(search, thresholds=search.thresholds.on_free_law())
     branch = dataclasses.replace(_on_declared(base, tuple(search.run(base))), has_free_law=True)
-    return branch if search.explains(branch.steps, base) else None
+    return _of_whole_runs(branch, search) if search.explains(branch.steps, base) else None
 
 
 def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:
@@ -355,7 +364,7 @@ def _on_shapes(declared: Hypothesis, base: Hypothesis, search: Search) -> Branch
     base, search = exact(base), dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
     steps = () if search.at_floor(base) else tuple(search.run(base))
     branch = _on_declared(base, steps)
-    return branch if search.explains(branch.steps, base) else None
+    return _of_whole_runs(branch, search) if search.explains(branch.steps, base) else None
 
 
 def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:

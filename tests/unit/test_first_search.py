@@ -65,7 +65,7 @@ def leaving(*ratios: float, effects: tuple[str, ...] = (), name: str = "") -> An
         effects=effects,
         beside="",
         name=name,
-        staged=SimpleNamespace(has_past=False),
+        staged=SimpleNamespace(has_past=False, runs=[]),
     )
 
 
@@ -1047,3 +1047,24 @@ def test_elements_that_tell_all_end_the_search_where_nothing_was_declared(
     found = branches._searched(bases, asked, lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert (found[-1] is told) is ends
     assert ends or found[-1] == "on another base"
+
+
+@pytest.mark.parametrize(
+    ("left", "explains", "is_taken"), [(1.1, True, True), (1.1, False, False), (1.3, True, False), (None, True, False)]
+)
+def test_a_name_that_was_told_where_no_past_reaches_is_sought_on_whole_runs(
+    monkeypatch: pytest.MonkeyPatch, left: float | None, explains: bool, is_taken: bool
+) -> None:
+    """A court case: a bias field beside tilted densities, nothing declared, left 18 x of a run that was not fitted."""
+    base, told = leaving(5.0, 5.0), leaving(1.0, 1.0, effects=("bias_field",))
+    virgin = leaving(20.0, 20.0)
+    found: Any = SimpleNamespace(name="bias_field", after=told)
+    branch = Branch("shaped", base, (Step(base, (found,), {}, (found,), (), ""),))
+    whole = None if left is None else leaving(left, left, effects=("bias_field",))
+    monkeypatch.setattr(branches, "whole_beside", lambda final: whole)
+    monkeypatch.setattr(branches, "without", lambda beside, name: virgin)
+    monkeypatch.setattr(Search, "run", lambda self, place: [Step(place, (), {}, (found,), (), "anew")])
+    monkeypatch.setattr(Search, "explains", lambda self, steps, place: explains)
+    there = branches._of_whole_runs(branch, Search())
+    assert (there.base is virgin) is is_taken
+    assert there is branch or there.steps[0].verdict == "anew"
