@@ -95,15 +95,16 @@ class BesideEffects:
         40 s where a bias field had left the noise. Those that promise nothing, or come after the time, are not there.
         """
         done: dict[str, list[Hypothesis]] = {name: [] for name in found}
-        going = dict(found)
-        for _ in range(_TURNS):
+        going = {name: beside for name, beside in found.items() if beside.effects}
+        while going:
             for name, beside in going.items():
-                if beside.effects and not self.search.limit.is_over():
+                if not self.search.limit.is_over():
                     done[name].append(fit_flexible(beside, self.search.progress, self.search.workers))
             is_told = any(tells_all(each, self.asked) for turns in done.values() for each in turns)
             most = self.asked.near_floor if is_told else math.inf
-            lately = {name: turns[-1] for name, turns in done.items() if self._goes_on(turns, most)}
-            going = {name: self.search.with_effects(without_effects(here), [name]) for name, here in lately.items()}
+            lately = {name: done[name][-1] for name in going if self._goes_on(done[name], most)}
+            anew = {name: self.search.with_effects(without_effects(here), [name]) for name, here in lately.items()}
+            going = {name: beside for name, beside in anew.items() if beside.effects}
         return {name: min(turns, key=lambda each: each.total) for name, turns in done.items() if turns}
 
     def _goes_on(self, turns: Sequence[Hypothesis], most: float) -> bool:
@@ -113,7 +114,7 @@ class BesideEffects:
             turns: that were done.
             most: rms over noise of a run that the last may have left.
         """
-        if not turns or self.search.limit.is_over():
+        if not turns or len(turns) >= _TURNS or self.search.limit.is_over():
             return False
         *former, here = turns
         comes_down = all(here.total <= _COMES_DOWN * each.total for each in former)

@@ -131,7 +131,7 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
         return [_on_declared(declared, tuple(steps)), beside.told]
     base = None if limit.is_over() else _whole_instead(steps, search)
     if base is not None:
-        return _begun_anew(bases._replace(declared=base, relays=None), search)
+        return _begun_anew(bases._replace(declared=base, relays=None, is_whole=True), search)
     if not search.explains(steps, declared) and limit.is_over():
         return [_on_declared(declared, tuple(steps)), *elements.searched, *densities.searched]
     is_far_off = not search.explains(steps, declared) and steps[-1].after.fit.ratio > asked.in_sight
@@ -143,7 +143,7 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     on_shapes = _on_shapes(declared, shaped(declared), search) if are_shapes_all else None
     if on_shapes is not None:
         return [on_shapes]
-    base = None if search.explains(steps, declared) else _with_other_pasts(steps, asked)
+    base = None if bases.is_whole or search.explains(steps, declared) else _with_other_pasts(steps, asked)
     if base is not None and not limit.is_over():
         return _begun_anew(bases._replace(declared=base, relays=None), search)
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):

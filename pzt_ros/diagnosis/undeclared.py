@@ -68,11 +68,13 @@ class Bases(NamedTuple):
         declared: the fitted chain, or what stands for it where none was declared.
         relays: that know no rate, where they were identified on the way.
         is_known: whether a chain was declared, so that its fit may begin anew where that was.
+        is_whole: whether what seemed to be that of pasts was told by an effect, so that all samples count.
     """
 
     declared: Hypothesis
     relays: Hypothesis | None = None
     is_known: bool = False
+    is_whole: bool = False
 
 
 def fit_base(

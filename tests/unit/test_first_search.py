@@ -1068,3 +1068,23 @@ def test_a_name_that_was_told_where_no_past_reaches_is_sought_on_whole_runs(
     there = branches._of_whole_runs(branch, Search())
     assert (there.base is virgin) is is_taken
     assert there is branch or there.steps[0].verdict == "anew"
+
+
+def test_a_base_of_whole_runs_is_not_taken_for_one_with_a_past_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The two would take turns until the time is up."""
+    cut, virgin = leaving(4.0, 4.0), leaving(5.0, 5.0)
+    cut.staged = virgin.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
+    searched: list[Any] = []
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
+    monkeypatch.setattr(Search, "run", lambda self, place: searched.append(place) or [Step(place, (), {}, (), (), "")])
+    monkeypatch.setattr(branches, "_sooner", lambda *_: [])
+    monkeypatch.setattr(branches, "_whole_instead", lambda steps, search: virgin if steps[-1].after is cut else None)
+    monkeypatch.setattr(branches, "_with_other_pasts", lambda steps, asked: cut)
+    monkeypatch.setattr(branches, "_shapes_come_down", lambda *_: False)
+    monkeypatch.setattr(branches, "_ended", lambda declared, *_: [Branch("gaussian", declared, ())])
+    monkeypatch.setattr(other_bases.Densities, "lattice_is_all", lambda *_: False)
+    bases = Bases(cut, is_known=True)
+    (branch,) = branches._searched(bases, Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
+    assert searched == [cut, virgin]
+    assert branch.base is virgin
