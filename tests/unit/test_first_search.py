@@ -902,7 +902,7 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
     ("likeliest", "explains", "wanders"),
     [("thermal_drift", True, True), ("thermal_drift", False, False), ("bias_field", True, False)],
 )
-def test_readings_that_wander_on_a_density_are_asked_before_two_effects_where_a_drift_is_likeliest(
+def test_readings_that_wander_on_another_base_are_asked_before_two_effects_where_a_drift_is_likeliest(
     monkeypatch: pytest.MonkeyPatch, likeliest: str, explains: bool, wanders: bool
 ) -> None:
     """A court case: straight drifts explained 82 % of what was fitted beside relays and foretold hardly what chose."""
@@ -915,9 +915,10 @@ def test_readings_that_wander_on_a_density_are_asked_before_two_effects_where_a_
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, found: asked_of.append("wandering") or [chance])
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: asked_of.append("pair") or [*steps])
     monkeypatch.setattr(Search, "explains", lambda self, steps, found: explains)
-    branch = other_bases._on_density(base, Search(Thresholds().on_flexible()))
-    assert (branch.steps == (chance,)) is wanders
-    assert asked_of[-1] == ("wandering" if wanders else "pair")
+    for searched in (other_bases._on_density, other_bases.Elements._searched):
+        branch = searched(base, Search(Thresholds().on_flexible()))
+        assert (branch.steps == (chance,)) is wanders
+        assert asked_of[-1] == ("wandering" if wanders else "pair")
 
 
 @pytest.mark.parametrize(
