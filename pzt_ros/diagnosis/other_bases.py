@@ -169,7 +169,9 @@ class Densities:
         return self.lattice.fit.ratio <= asked.lattice_sooner and self.lattice.excess < asked.lattice_outdone * others
 
     def lattice_is_all(self, found: Hypothesis, asked: Thresholds) -> bool:
-        """Whether a lattice without an effect describes every run, and effects beside the declared base are far off.
+        """Whether a lattice without an effect leaves far less than effects beside the declared base, which are far off.
+
+        Where it does not describe every run, what is missing has bent it, and is sought beside it.
 
         Args:
             found: where a search for effects beside that base ended.
@@ -177,8 +179,7 @@ class Densities:
         """
         if found.over_noise <= asked.in_sight**2:
             return False
-        is_near = max(self.lattice.ratios) <= asked.lattice_describes
-        return is_near and self.lattice.excess <= asked.lattice_is_all * found.excess
+        return self.lattice.excess <= asked.lattice_is_all * found.excess
 
     def leave_far_less(self, asked: Thresholds) -> bool:
         """Whether one of them leaves so much less without an effect that the declared density is wrong."""

@@ -61,10 +61,9 @@ class Thresholds:
         lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
             of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
-        lattice_describes, lattice_is_all: rms over noise that a lattice without an effect may leave of each run, and
-            share of what a search beside the declared base leaves, for its density to be what is wrong. (Of two
-            components it left 1.22 x and 0.02, with a bias field of 3 x beside them 1.95 x and 0.04; of two effects of
-            3 x that it takes up best 2.5 x of one run.)
+        lattice_is_all: share of what a search beside the declared base leaves that a lattice without an effect may
+            leave for the density to be what is wrong. (Of two components it left 0.02, with a bias field of 3 x beside
+            them 0.04, with a lag of 10 x 0.08.)
         rateless: what a base that knows no rate may leave of what the lattice leaves to be searched on.
         shaped_less: share of what the declared base leaves that free shapes of its densities may leave to be searched
             beside.
@@ -150,8 +149,7 @@ class Thresholds:
     rateless_as_near: float = 2.0
     lattice_sooner: float = 6.0
     lattice_outdone: float = 0.35
-    lattice_describes: float = 2.0
-    lattice_is_all: float = 0.05
+    lattice_is_all: float = 0.1
     rateless: float = 3.0
     shaped_less: float = 0.8
     lopsided_less: float = 0.8
