@@ -11,7 +11,7 @@ from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.elimination import bias_in_question, without
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
-from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside, whole_beside
+from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
@@ -32,6 +32,7 @@ from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.diagnosis.undeclared import Bases
+from pzt_ros.diagnosis.whole_runs import of_whole_runs, whole_instead
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
@@ -129,7 +130,7 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     steps = trial.run(declared)
     if beside.told is not None:
         return [_on_declared(declared, tuple(steps)), beside.told]
-    base = None if limit.is_over() else _whole_instead(steps, search)
+    base = whole_instead(steps, search)
     if base is not None:
         return _begun_anew(bases._replace(declared=base, relays=None, is_whole=True), search)
     if not search.explains(steps, declared) and limit.is_over():
@@ -269,23 +270,6 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
     return all(other.excess > asked.outdone * declared.excess for other in others)
 
 
-def _whole_instead(steps: Sequence[Step], search: Search) -> Hypothesis | None:
-    """The base that was never driven, where an effect tells nearly all of what seemed to be that of pasts."""
-    final = steps[-1].after
-    beside = whole_beside(final) if len(final.effects) == 1 else None
-    is_near = beside is not None and max(beside.ratios) <= search.thresholds.near_floor
-    return without(beside, final.effects[0]) if beside is not None and is_near else None
-
-
-def _of_whole_runs(branch: Branch, search: Search) -> Branch:
-    """A search anew on the base that was never driven, where its effect tells nearly all there and explains all."""
-    base = _whole_instead(branch.steps, search) if branch.steps and not search.limit.is_over() else None
-    if base is None:
-        return branch
-    there = dataclasses.replace(branch, base=base, steps=tuple(search.run(base)))
-    return there if search.explains(there.steps, base) else branch
-
-
 def _with_other_pasts(steps: Sequence[Step], asked: Thresholds) -> Hypothesis | None:
     """The base with its runs from rest poled before, or without what a past reaches, where an effect shows that."""
     poled = _poled_instead(steps[0].candidates, asked) if steps[-1].after.fit.ratio > asked.in_sight else None
@@ -334,7 +318,7 @@ def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) ->
         return None
     search = dataclasses.replace(search, thresholds=search.thresholds.on_free_law())
     branch = dataclasses.replace(_on_declared(base, tuple(search.run(base))), has_free_law=True)
-    return _of_whole_runs(branch, search) if search.explains(branch.steps, base) else None
+    return of_whole_runs(branch, search) if search.explains(branch.steps, base) else None
 
 
 def _on_free_shape(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:
@@ -364,7 +348,7 @@ def _on_shapes(declared: Hypothesis, base: Hypothesis, search: Search) -> Branch
     base, search = exact(base), dataclasses.replace(search, thresholds=search.thresholds.on_shaped())
     steps = () if search.at_floor(base) else tuple(search.run(base))
     branch = _on_declared(base, steps)
-    return _of_whole_runs(branch, search) if search.explains(branch.steps, base) else None
+    return of_whole_runs(branch, search) if search.explains(branch.steps, base) else None
 
 
 def _better(declared: Hypothesis, steps: Sequence[Step]) -> Hypothesis:

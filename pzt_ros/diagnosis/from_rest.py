@@ -64,18 +64,6 @@ def as_virgin(found: Hypothesis) -> Hypothesis:
     return refitted_from(dataclasses.replace(found, staged=on_whole_runs(found.staged)), starts, 0)
 
 
-def whole_beside(found: Hypothesis) -> Hypothesis | None:
-    """A model with effects fitted to all samples of runs of a ceramic that was never driven; None where all count.
-
-    A curve of the sensor of 10 x had been taken for pasts: where none reaches a declared ceramic left 5.4 x, and the
-    curve, told from those samples alone, 2 x of a run that was fitted no sample of.
-    """
-    if not found.effects or not any(run.since for run in found.staged.runs):
-        return None
-    begun = as_virgin(found)
-    return exact(fitted(begun.staged, begun.vector, begun.effects, most_steps=_STEPS))
-
-
 def on_whole_runs(staged: Staged) -> Staged:
     """The same with all samples of its runs counted, none of these taken for poled."""
     runs = [dataclasses.replace(run.uncut, poled=False) for run in staged.runs]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import beside_effects, branches, from_rest, judge, other_bases, refinement, seeker
+from pzt_ros.diagnosis import beside_effects, branches, from_rest, judge, other_bases, refinement, seeker, whole_runs
 from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.beside_effects import BesideEffects
@@ -43,7 +43,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "is_shaped", lambda found: False)
     monkeypatch.setattr(branches, "_on_free_shape", lambda *_: None)
     monkeypatch.setattr(branches, "lopsided_instead", lambda *_: None)
-    monkeypatch.setattr(branches, "whole_beside", lambda *_: None)
+    monkeypatch.setattr(whole_runs, "whole_beside", lambda *_: None)
     monkeypatch.setattr(branches, "beside_likeliest", lambda *_: None)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
 
@@ -1063,11 +1063,11 @@ def test_a_name_that_was_told_where_no_past_reaches_is_sought_on_whole_runs(
     found: Any = SimpleNamespace(name="bias_field", after=told)
     branch = Branch("shaped", base, (Step(base, (found,), {}, (found,), (), ""),))
     whole = None if left is None else leaving(left, left, effects=("bias_field",))
-    monkeypatch.setattr(branches, "whole_beside", lambda final: whole)
-    monkeypatch.setattr(branches, "without", lambda beside, name: virgin)
+    monkeypatch.setattr(whole_runs, "whole_beside", lambda final: whole)
+    monkeypatch.setattr(whole_runs, "without", lambda beside, name: virgin)
     monkeypatch.setattr(Search, "run", lambda self, place: [Step(place, (), {}, (found,), (), "anew")])
     monkeypatch.setattr(Search, "explains", lambda self, steps, place: explains)
-    there = branches._of_whole_runs(branch, Search())
+    there = whole_runs.of_whole_runs(branch, Search())
     assert (there.base is virgin) is is_taken
     assert there is branch or there.steps[0].verdict == "anew"
 
@@ -1081,7 +1081,7 @@ def test_a_base_of_whole_runs_is_not_taken_for_one_with_a_past_again(monkeypatch
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(Search, "run", lambda self, place: searched.append(place) or [Step(place, (), {}, (), (), "")])
     monkeypatch.setattr(branches, "_sooner", lambda *_: [])
-    monkeypatch.setattr(branches, "_whole_instead", lambda steps, search: virgin if steps[-1].after is cut else None)
+    monkeypatch.setattr(branches, "whole_instead", lambda steps, search: virgin if steps[-1].after is cut else None)
     monkeypatch.setattr(branches, "_with_other_pasts", lambda steps, asked: cut)
     monkeypatch.setattr(branches, "_shapes_come_down", lambda *_: False)
     monkeypatch.setattr(branches, "_ended", lambda declared, *_: [Branch("gaussian", declared, ())])

@@ -12,13 +12,14 @@ from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.data import seen_through, split
 from pzt_ros.diagnosis.floor import with_floors
-from pzt_ros.diagnosis.from_rest import as_poled, whole_beside
+from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.histories import _sought_beside, refitted_from
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.outcome import model_of
 from pzt_ros.diagnosis.reach_of_pasts import counted_where_no_past_reaches
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.undeclared import default_chain
+from pzt_ros.diagnosis.whole_runs import whole_beside
 from pzt_ros.effects.slow_relaxation import SlowRelaxation
 from pzt_ros.physics.bouc_wen import BoucWen
 from pzt_ros.physics.chain import Chain
