@@ -13,20 +13,23 @@ from dataclasses import dataclass, replace
 
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
-from pzt_ros.diagnosis.elimination import without
+from pzt_ros.diagnosis.elimination import is_law_as_good, without
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
 from pzt_ros.diagnosis.from_rest import on_whole_runs
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted, without_effects
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF
+from pzt_ros.parallel import Workers
 
-Identify = Callable[[Hypothesis, Progress], Hypothesis]
+Identify = Callable[[Hypothesis, Progress, Workers], Hypothesis]
 """From a fitted model to a density in its ceramic's place."""
 
 _KINDS: tuple[Identify, ...] = (fit_rate_independent, fit_flexible)
-_TURNS, _COMES_DOWN = 3, 0.9  # that an effect and a lattice are fitted, and what has to be left each time at most
+_TURNS, _COMES_DOWN = 3, 0.9  # that an effect and a density are fitted, and what has to be left each time at most
 _IDENTIFIED = "explains {share:.0%} of the excess on a density that was identified beside it"
 
 
@@ -63,33 +66,40 @@ class BesideEffects:
         if not final.effects or any(step.tied for step in steps) or final.fit.ratio > self.asked.in_sight:
             return None
         for identify in kinds:
-            found = identify(final, self.search.progress)
+            found = identify(final, self.search.progress, self.search.workers)
             if tells_all(found, self.asked):
-                whole = self._on_whole_runs(found, *found.effects) if len(found.effects) == 1 else found
+                whole = self._on_whole_runs(found, found.effects[0], identify) if len(found.effects) == 1 else found
                 branch = self._judged(whole)
                 return branch if branch is not None and branch.explains(self.asked) else None
         return None
 
-    def on_own_densities(self, found: Mapping[str, Hypothesis]) -> Branch | None:
-        """The best of effects each on a lattice identified beside it; None where something is left beside each.
+    def on_own_densities(self, found: Mapping[str, Hypothesis], identify: Identify = fit_flexible) -> Branch | None:
+        """The best of effects each on a density identified beside it; None where something is left beside each.
 
         Args:
             found: by the name of an effect, each of another cause: it beside a density that is wrong, or has bent.
+            identify: one.
         """
-        tried = self._in_turn(found)
+        tried = self._in_turn(found, identify)
         told = {name: there for name, there in tried.items() if tells_all(there, self.asked)}
         if not told:
             return None
         best, *others = sorted(told, key=lambda name: told[name].total)
-        branch = self._judged(self._on_whole_runs(told[best], best), tried=frozenset(tried))
+        branch = self._judged(self._on_whole_runs(told[best], best, identify), tried=frozenset(tried))
         if branch is None or not branch.explains(self.asked):
             return None
         (step,) = branch.steps
+        others += [STRAIN_LAW] if self._may_be_law(step) else []
         tied = (*(step.tied or (best,)), *others) if others else step.tied
         return replace(branch, steps=(replace(step, tied=tied),))
 
-    def _in_turn(self, found: Mapping[str, Hypothesis]) -> dict[str, Hypothesis]:
-        """The best of each effect and a lattice fitted in turn, each beside the other, until little is gained.
+    def _may_be_law(self, step: Step) -> bool:
+        """Whether what was named is a sensor's curve, and a strain law with one more power explains as much."""
+        is_curve = step.accepted[0].cause == SensorNonlinearity.kind
+        return is_curve and is_law_as_good(step.before, step.after, self.search.thresholds)
+
+    def _in_turn(self, found: Mapping[str, Hypothesis], identify: Identify) -> dict[str, Hypothesis]:
+        """The best of each effect and a density fitted in turn, each beside the other, until little is gained.
 
         Once one leaves nothing, only those go on that leave hardly anything, either: a drift came from 1.5 to 1.4 x in
         40 s where a bias field had left the noise. Those that promise nothing, or come after the time, are not there.
@@ -99,7 +109,7 @@ class BesideEffects:
         while going:
             for name, beside in going.items():
                 if not self.search.limit.is_over():
-                    done[name].append(fit_flexible(beside, self.search.progress, self.search.workers))
+                    done[name].append(identify(beside, self.search.progress, self.search.workers))
             is_told = any(tells_all(each, self.asked) for turns in done.values() for each in turns)
             most = self.asked.near_floor if is_told else math.inf
             lately = {name: done[name][-1] for name in going if self._goes_on(done[name], most)}
@@ -108,7 +118,7 @@ class BesideEffects:
         return {name: min(turns, key=lambda each: each.total) for name, turns in done.items() if turns}
 
     def _goes_on(self, turns: Sequence[Hypothesis], most: float) -> bool:
-        """Whether a further turn of an effect and its lattice may leave less, and it is worth its time.
+        """Whether a further turn of an effect and its density may leave less, and it is worth its time.
 
         Args:
             turns: that were done.
@@ -120,12 +130,13 @@ class BesideEffects:
         comes_down = all(here.total <= _COMES_DOWN * each.total for each in former)
         return comes_down and not tells_all(here, self.asked) and max(here.ratios) <= most
 
-    def _on_whole_runs(self, found: Hypothesis, name: str) -> Hypothesis:
+    def _on_whole_runs(self, found: Hypothesis, name: str, identify: Identify) -> Hypothesis:
         """The same on all samples, where that leaves nothing, either: the effect was what a past had seemed to be."""
         if not any(run.since for run in found.staged.runs):
             return found
         counted = fitted(on_whole_runs(found.staged), found.vector, found.effects)
-        whole = self._in_turn({name: self.search.with_effects(without_effects(counted), [name])}).get(name)
+        begun = {name: self.search.with_effects(without_effects(counted), [name])}
+        whole = self._in_turn(begun, identify).get(name)
         return whole if whole is not None and tells_all(whole, self.asked) else found
 
     def _judged(self, found: Hypothesis, tried: frozenset[str] = frozenset()) -> Branch | None:

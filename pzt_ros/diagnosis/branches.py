@@ -22,6 +22,7 @@ from pzt_ros.diagnosis.other_bases import (
     Elements,
     beside_likeliest,
     on_densities,
+    on_own_relays,
     on_relays,
 )
 from pzt_ros.diagnosis.reach_of_pasts import unreached_beside
@@ -206,8 +207,11 @@ def _sooner(bases: Bases, elements: Elements, densities: Densities, search: Sear
         return on_densities(densities, asked)
     if left > (asked.reachable if blind else asked.elements_sooner) and elements.tell(asked):
         return [elements.branch]
-    if blind or left <= asked.rateless_sooner or not densities.tell(asked):
+    if blind or left <= asked.rateless_sooner:
         return []
+    if not densities.tell(asked):
+        own = on_own_relays(elements, densities, asked)
+        return [own] if own else []
     others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
     return [densities.on_relays, *others]
 

@@ -45,6 +45,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "lopsided_instead", lambda *_: None)
     monkeypatch.setattr(whole_runs, "whole_beside", lambda *_: None)
     monkeypatch.setattr(branches, "beside_likeliest", lambda *_: None)
+    monkeypatch.setattr(branches, "on_own_relays", lambda *_: None)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
 
 
@@ -718,7 +719,7 @@ def test_a_name_is_kept_on_a_density_that_is_identified_beside_it_where_it_is_ne
     tried: list[str] = []
 
     def identified(name: str, left: float) -> Any:
-        return lambda found, progress: tried.append(name) or leaving(left, left, effects=found.effects)
+        return lambda found, *_: tried.append(name) or leaving(left, left, effects=found.effects)
 
     kinds = identified("relays", relays), identified("lattice", lattice)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(bare, bare))
@@ -772,7 +773,6 @@ def test_effects_are_tried_each_on_a_lattice_of_its_own(
         there.staged = SimpleNamespace(has_past=False, ceramic=None, runs=[SimpleNamespace(since=0)])
         return there
 
-    monkeypatch.setattr(beside_effects, "fit_flexible", identified)
     monkeypatch.setattr(beside_effects, "without_effects", lambda found: base)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(4.0, 4.0))
     refitted = {name: leaving(2.0, 2.0, effects=(name,)) for name, left in beside.items() if left}
@@ -782,7 +782,7 @@ def test_effects_are_tried_each_on_a_lattice_of_its_own(
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
     monkeypatch.setattr(Candidate, "selection_size", 3.0)
     search = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
-    branch = search.on_own_densities({name: refitted.get(name, base) for name in beside})
+    branch = search.on_own_densities({name: refitted.get(name, base) for name in beside}, identified)
     assert (branch is not None) is (told is not None)
     if branch is not None and told is not None:
         (step,) = branch.steps
@@ -806,9 +806,9 @@ def test_samples_that_a_past_seemed_to_reach_count_where_an_effect_was_what_hid_
     monkeypatch.setattr(beside_effects, "fitted", lambda staged, vector, effects: found)
     monkeypatch.setattr(beside_effects, "without_effects", lambda whole: whole)
     monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: bare)
-    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found: dict.fromkeys(found, there))
+    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, identify: dict.fromkeys(found, there))
     beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
-    assert (beside._on_whole_runs(found, "bias_field") is there) is is_taken
+    assert (beside._on_whole_runs(found, "bias_field", beside_effects.fit_flexible) is there) is is_taken
     assert [(each.since, each.poled) for each in counted] == [(0, False)]
 
 
@@ -897,6 +897,59 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
     assert other_bases.beside_likeliest(tried, densities, Search()) is (own if asked_of else None)
     assert list(found) == asked_of
     assert all(place.effects == (name,) for name, place in found.items())
+
+
+@pytest.mark.parametrize(
+    ("elements", "is_searched", "shares", "asked_of"),
+    [
+        (2.6, True, (0.54, 0.3), ["strain_polarization_hysteresis"]),
+        (2.6, True, (0.6, 0.8), ["strain_polarization_hysteresis", "slow_relaxation"]),
+        (2.6, True, (0.3, 0.2), []),  # none explains half of what elements leave
+        (2.6, False, (0.54, 0.3), []),
+        (7.0, True, (0.54, 0.3), []),  # elements that leave no less than the declared base say nothing of the stage
+    ],
+)
+def test_the_likeliest_effects_beside_elements_are_tried_each_on_relays_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, elements: float, is_searched: bool, shares: Any, asked_of: list[str]
+) -> None:
+    """A court case: beside plays, a hysteresis of the strain; relays had bent for it and were searched in vain."""
+    names = ("strain_polarization_hysteresis", "slow_relaxation")
+    pairs = zip(names, shares, strict=True)
+    tried: Any = tuple(SimpleNamespace(name=name, cause=name, fit_share=share) for name, share in pairs)
+    branch = SimpleNamespace(steps=(Step(leaving(elements, elements), tried, {}, (), (), ""),))
+    slipping: Any = SimpleNamespace(searched=[branch] * is_searched, base=leaving(elements, elements), branch=branch)
+    relays, own = leaving(5.4, 6.0), other_bases.Branch("identified", leaving(1.0, 1.0), ())
+    densities: Any = SimpleNamespace(declared=leaving(11.0, 11.0), relays=relays, search=Search())
+    bent: list[Any] = []
+    monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: bent.append(bare) or (bare, *names))
+
+    def on_own(self: Any, found: Any, identify: Any) -> Any:
+        assert identify is other_bases.fit_rate_independent
+        assert list(found.values()) == [(relays, name) for name in asked_of]
+        return own if found else None
+
+    monkeypatch.setattr(BesideEffects, "on_own_densities", on_own)
+    assert other_bases.on_own_relays(slipping, densities, Thresholds()) is (own if asked_of else None)
+    assert bent == [relays] * len(asked_of)
+
+
+@pytest.mark.parametrize("is_as_good", [True, False])
+@pytest.mark.parametrize("name", ["sensor_nonlinearity", "sensor_lag"])
+def test_a_curve_on_a_density_of_its_own_ties_with_a_strain_law_that_explains_as_much(
+    monkeypatch: pytest.MonkeyPatch, name: str, is_as_good: bool
+) -> None:
+    told, asked = leaving(1.0, 1.0, effects=(name,)), Thresholds()
+    told.staged = SimpleNamespace(has_past=False, ceramic=None, runs=[SimpleNamespace(since=0)])
+    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, identify: found)
+    monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(4.0, 4.0))
+    monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: False)
+    monkeypatch.setattr(Candidate, "fit_size", 3.0)
+    monkeypatch.setattr(Candidate, "selection_size", 3.0)
+    monkeypatch.setattr(beside_effects, "is_law_as_good", lambda bare, curved, asked: is_as_good)
+    branch = BesideEffects(Search(asked.on_flexible()), asked).on_own_densities({name: told})
+    assert branch is not None
+    is_open = is_as_good and name == "sensor_nonlinearity"
+    assert branch.steps[0].tied == ((name, "strain_law") if is_open else ())
 
 
 @pytest.mark.parametrize(
