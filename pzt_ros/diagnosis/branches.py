@@ -9,7 +9,7 @@ from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
-from pzt_ros.diagnosis.elimination import bias_in_question, without
+from pzt_ros.diagnosis.elimination import in_question, without
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside
 from pzt_ros.diagnosis.histories import without_histories
@@ -54,7 +54,7 @@ def branches_of(
     else:
         asked = asked.on_shaped() if is_shaped(bases.declared) else asked
         found = _searched(bases, asked, progress, workers, limit)
-    found = [dataclasses.replace(branch, steps=tuple(bias_in_question(branch.steps))) for branch in found]
+    found = [dataclasses.replace(branch, steps=tuple(in_question(branch.steps))) for branch in found]
     return [_trusted(branch, found, asked, limit) for branch in found]
 
 

@@ -107,7 +107,8 @@ def _report(
 ) -> Report:
     chosen, before, after = reached.branch, reached.before, reached.after
     blind = alike_by_design([run.record for run in runs])
-    tied = tuple(tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied)
+    groups = [tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied]
+    tied = tuple(dict.fromkeys(groups))
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     remains, excuse = _what_remains(chosen, runs, after, asked)

@@ -18,6 +18,7 @@ from pzt_ros.diagnosis.strain_laws import STRAIN_LAW, with_free_law
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.effects.table import reported
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.signals import Array, Rest, Signals
 
@@ -96,7 +97,7 @@ def law_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     if bare is None or not is_law_as_good(bare, final, asked):
         return steps
     place = named[0]
-    return [*steps[:place], *_left_open(steps[place], curve, STRAIN_LAW), *steps[place + 1 :]]
+    return [*steps[:place], *_left_open(steps[place], curve, (curve, STRAIN_LAW)), *steps[place + 1 :]]
 
 
 def hysteresis_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
@@ -107,8 +108,14 @@ def hysteresis_in_question(steps: list[Step], asked: Thresholds) -> list[Step]:
     """
     if max(steps[-1].after.ratios) <= asked.floor or not steps[-1].after.staged.ceramic.knows_no_rate:
         return steps
-    opened = [[step] if step.tied else _left_open(step, StrainPolarizationHysteresis.kind, DENSITY) for step in steps]
+    name = StrainPolarizationHysteresis.kind
+    opened = [[step] if step.tied else _left_open(step, name, (name, DENSITY)) for step in steps]
     return [step for parts in opened for step in parts]
+
+
+def in_question(steps: Sequence[Step]) -> list[Step]:
+    """The steps of a search that has ended, with what cannot stand alone left open."""
+    return groups_in_question(bias_in_question(steps))
 
 
 def bias_in_question(steps: Sequence[Step]) -> list[Step]:
@@ -119,8 +126,26 @@ def bias_in_question(steps: Sequence[Step]) -> list[Step]:
     final = steps[-1].after if steps else None
     if final is None or isinstance(final.staged.ceramic, DeclaredHysteresis) or not _has_constant_bias(final):
         return [*steps]
-    opened = [[step] if step.tied else _left_open(step, BiasField.kind, DENSITY) for step in steps]
+    opened = [[step] if step.tied else _left_open(step, BiasField.kind, (BiasField.kind, DENSITY)) for step in steps]
     return [step for parts in opened for step in parts]
+
+
+def groups_in_question(steps: Sequence[Step]) -> list[Step]:
+    """The steps, with a name left open that belongs to a group found before: none of a group is named.
+
+    Beside tilted thresholds a curve tied with a bias field, beside it a current limit was found, and a bias field that
+    was not there.
+    """
+    found: list[Step] = []
+    for step in steps:
+        groups = [former.tied for former in found if former.tied]
+        parts = [step]
+        for name in [] if step.tied else [each.name for each in step.accepted]:
+            group = next((each for each in groups if reported(name) in map(reported, each)), None)
+            if group is not None:
+                parts = [new for part in parts for new in _left_open(part, name, group)]
+        found += parts
+    return found
 
 
 def _has_constant_bias(found: Hypothesis) -> bool:
@@ -135,10 +160,10 @@ def _course(bias: BiasField, time: Array) -> Array:
     return bias.invert(bias.init(Rest()), Signals(time=time, voltage=np.zeros_like(time)))[1].voltage
 
 
-def _left_open(step: Step, name: str, other: str) -> list[Step]:
-    """A step with one of its effects tied with something else; two that it added at once become two steps."""
+def _left_open(step: Step, name: str, tied: tuple[str, ...]) -> list[Step]:
+    """A step with one of its effects tied in a group; two that it added at once become two steps."""
     if name not in [each.name for each in step.accepted]:
         return [step]
     parts = [replace(step, candidates=(each,), accepted=(each,)) for each in step.accepted]
     parts[0] = replace(parts[0], candidates=step.candidates)
-    return [replace(part, tied=(name, other)) if part.accepted[0].name == name else part for part in parts]
+    return [replace(part, tied=tied) if part.accepted[0].name == name else part for part in parts]

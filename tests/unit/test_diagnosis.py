@@ -32,6 +32,7 @@ from pzt_ros.diagnosis.data import FIT, SCORE, SELECTION, RunData, slow_curves, 
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.elimination import (
     bias_in_question,
+    groups_in_question,
     hysteresis_in_question,
     is_law_as_good,
     law_in_question,
@@ -928,6 +929,28 @@ def test_a_bias_field_that_never_changes_is_left_open_on_an_identified_density(
     (found,) = bias_in_question([step])
     assert found.tied == (("bias_field", "hysteresis_density") if is_open else ())
     assert bias_in_question([]) == []
+
+
+@pytest.mark.parametrize(
+    ("later", "tied"),
+    [
+        (["amplifier_charge_limit", "imprint"], [(), ("sensor_nonlinearity", "imprint", "strain_law")]),
+        (["bias_field"], [("sensor_nonlinearity", "imprint", "strain_law")]),  # a variant is no other answer
+        (["amplifier_charge_limit"], [()]),
+    ],
+)
+def test_what_is_found_beside_a_group_that_it_belongs_to_is_left_open(later: list[str], tied: list[Any]) -> None:
+    """A court case: tilted thresholds looked like a curve or a bias field, and a bias field was named beside those."""
+    group = ("sensor_nonlinearity", "imprint", "strain_law")
+
+    def added(names: list[str], tied: tuple[str, ...]) -> Step:
+        candidates: Any = tuple(SimpleNamespace(name=name, after=SimpleNamespace(effects=())) for name in names)
+        return Step(cast(Any, None), candidates, {}, candidates, tied, "")
+
+    first, *others = groups_in_question([added([group[0]], group), added(later, ())])
+    assert first.tied == group
+    assert [step.tied for step in others] == tied
+    assert [each.name for step in others for each in step.accepted] == later
 
 
 def misfitting(fit: float, selection: float) -> Any:
