@@ -117,10 +117,21 @@ class Densities:
         """The search on them."""
         return on_relays(self.relays, self.search)
 
-    @cached_property
+    @property
     def lattice(self) -> Hypothesis:
         """Domains that know a rate, without an effect."""
-        return fit_flexible(self.declared, self.search.progress, self.search.workers)
+        return self._lattice[0]
+
+    @property
+    def lattice_takes(self) -> float:
+        """How long it took to identify [s]; beside an effect it takes no less."""
+        return self._lattice[1]
+
+    @cached_property
+    def _lattice(self) -> tuple[Hypothesis, float]:
+        limit = self.search.limit
+        begun = limit.spent
+        return fit_flexible(self.declared, self.search.progress, self.search.workers), limit.spent - begun
 
     def tell(self, asked: Thresholds) -> bool:
         """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""
@@ -336,6 +347,8 @@ def beside_likeliest(candidates: Sequence[Candidate], densities: Densities, sear
     asked = search.thresholds
     worth = [c for c in candidates if c.fit_share >= asked.share and c.after.fit.ratio <= asked.reachable]
     if all(densities.lattice.excess <= asked.outdone * each.after.excess for each in worth):
+        return None
+    if search.limit.is_over(densities.lattice_takes):
         return None
     likeliest = _likeliest(sorted(worth, key=lambda candidate: -candidate.fit_share))
     beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_lattice()), asked)

@@ -22,7 +22,12 @@ class TimeLimit:
     has_cut: bool = False
     _begun: float = field(default_factory=time.monotonic)
 
-    def is_over(self) -> bool:
-        """Asked before something new begins, which must not begin then."""
-        self.has_cut = self.has_cut or time.monotonic() - self._begun >= self.seconds
+    @property
+    def spent(self) -> float:
+        """Time since it was made [s]."""
+        return time.monotonic() - self._begun
+
+    def is_over(self, needed: float = 0.0) -> bool:
+        """Asked before something new begins, which must not begin then; nor where it needs longer than is left [s]."""
+        self.has_cut = self.has_cut or self.spent + needed >= self.seconds
         return self.has_cut

@@ -892,10 +892,11 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
         for (name, cause), share in zip(causes.items(), shares, strict=True)
     ]
     own, found = other_bases.Branch("identified", leaving(1.0, 1.0), ()), {}
-    densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice))
+    densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), lattice_takes=60.0)
     monkeypatch.setattr(BesideEffects, "on_own_densities", lambda self, places: found.update(places) or own)
     assert other_bases.beside_likeliest(tried, densities, Search()) is (own if asked_of else None)
     assert list(found) == asked_of
+    assert other_bases.beside_likeliest(tried, densities, Search(limit=TimeLimit(50.0))) is None  # a lattice takes 60 s
     assert all(place.effects == (name,) for name, place in found.items())
 
 

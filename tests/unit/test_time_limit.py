@@ -39,7 +39,7 @@ def cut(case: CaseFiles, monkeypatch: pytest.MonkeyPatch, asks: int) -> tuple[Re
     """The diagnosis whose time is up when it is asked for so many times, and how often it was."""
     asked: list[None] = []
 
-    def is_over(limit: TimeLimit) -> bool:
+    def is_over(limit: TimeLimit, needed: float = 0.0) -> bool:
         asked.append(None)
         limit.has_cut = len(asked) > asks
         return limit.has_cut
@@ -94,6 +94,10 @@ def test_time_is_up_once_and_for_all() -> None:
     assert not limit.has_cut
     assert not over.has_cut  # nothing was left out yet
     assert over.is_over()
+    short = TimeLimit(100.0)
+    assert not short.is_over(60.0)
+    assert short.is_over(120.0)  # what needs longer than is left is not begun
+    assert short.has_cut
     over.seconds = math.inf
     assert over.is_over()
     assert over.has_cut
