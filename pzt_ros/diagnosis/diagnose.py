@@ -19,13 +19,13 @@ from pzt_ros.diagnosis.data import SCORE, RunData, split
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.found import found_effects, tried_candidates
 from pzt_ros.diagnosis.hindsight import is_of_pasts
-from pzt_ros.diagnosis.identifiability import alike_by_design, stood_in_for, taken_up
+from pzt_ros.diagnosis.identifiability import alike_by_design, stood_in_for, taken_up, with_loads
 from pzt_ros.diagnosis.intervals import note_intervals, of_any_polarization
 from pzt_ros.diagnosis.next_experiment import designed
 from pzt_ros.diagnosis.outcome import Errors
 from pzt_ros.diagnosis.reached import Reached, reached_of
 from pzt_ros.diagnosis.remains import Remains, remains_of
-from pzt_ros.diagnosis.remarks import LAW, PAST, SPARSE, of_model, of_readings, of_samples
+from pzt_ros.diagnosis.remarks import LAW, PAST, SPARSE, of_model, of_names, of_readings, of_samples
 from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -108,7 +108,7 @@ def _report(
     chosen, before, after = reached.branch, reached.before, reached.after
     blind = alike_by_design([run.record for run in runs])
     groups = [tuple(reported(name) for name in step.tied) for step in chosen.steps if step.tied]
-    tied = tuple(dict.fromkeys(groups))
+    tied = with_loads(dict.fromkeys(groups), [run.record for run in runs])
     if chosen.density == "identified" and not (tied or chosen.final.effects):
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     remains, excuse = _what_remains(chosen, runs, after, asked)
@@ -139,6 +139,7 @@ def _report(
             *((excuse,) if excuse else ()),
             *((LAW,) if chosen.has_free_law else ()),
             *of_model(chosen.base),
+            *of_names([each.name for each in effects], runs),
             *of_readings(chosen.final),
             *(each.remark for each in blind),
             *of_samples(runs),

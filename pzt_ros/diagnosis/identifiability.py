@@ -6,13 +6,16 @@ the drive only ever went one way, what moves on afterwards may belong to the dri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.strain_laws import STRAIN_LAW
+from pzt_ros.effects.load_stiffness import LoadStiffness
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.records import Record
 from pzt_ros.sysid.turning_points import turning_points
 
@@ -66,6 +69,19 @@ def taken_up(blind: Sequence[Alike]) -> tuple[tuple[str, ...], ...]:
     """What the hysteresis may have taken up on runs whose design hides it, though nothing is left: groups of names."""
     return tuple((DENSITY, *sorted(each.effects)) for each in blind)
 
+
+def with_loads(groups: Iterable[tuple[str, ...]], records: Sequence[Record]) -> tuple[tuple[str, ...], ...]:
+    """Groups of names, a load beside a sensor's curve and a strain law that tie where no force was recorded.
+
+    A load that does not yield in proportion bends the displacement as they do: of a contact that was lost below half
+    the stroke the two left the noise, and it was in no group.
+    """
+    is_seen = all(FORCE in record.columns for record in records)
+    return tuple(group if is_seen or not set(group) >= _CURVES else (*group, LoadStiffness.kind) for group in groups)
+
+
+FORCE = "force_N"
+_CURVES = frozenset({SensorNonlinearity.kind, STRAIN_LAW})
 
 DENSITY = "hysteresis_density"
 """In the place of an effect, see effects/confounded.py."""

@@ -10,8 +10,10 @@ from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.grain import was_grainy
 from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.identifiability import FORCE
 from pzt_ros.diagnosis.shaped import is_shaped
 from pzt_ros.diagnosis.wandering import wanders
+from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.sysid.spikes import told
 
 WORSE = (
@@ -52,6 +54,10 @@ _SHAPED = (
     "The densities of coercive and interaction fields are no Gaussians: their skew and tails were fitted, too"
     " (coercive_field_skew, interaction_field_tail and, where they prefer a direction, interaction_field_skew)."
 )
+_LOAD = (
+    "A load that does not yield in proportion, such as a contact that is lost, bends the displacement as the curve of a"
+    f" sensor does. A recorded force ({FORCE}) would tell the two apart."
+)
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
     " not in the record."
@@ -71,6 +77,12 @@ def of_readings(found: Hypothesis) -> list[str]:
 def of_model(found: Hypothesis) -> list[str]:
     """What stands in the place of what was declared."""
     return [*([_GRAIN] if was_grainy(found) else []), *([_SHAPED] if is_shaped(found) else [])]
+
+
+def of_names(names: Sequence[str], runs: Sequence[RunData]) -> list[str]:
+    """What else might be behind a name that stands alone, and no run could show."""
+    is_seen = all(FORCE in run.record.columns for run in runs)
+    return [_LOAD] if SensorNonlinearity.kind in names and not is_seen else []
 
 
 def of_samples(runs: Sequence[RunData]) -> list[str]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from pzt_ros.diagnosis.identifiability import alike_by_design
+from pzt_ros.diagnosis.identifiability import FORCE, alike_by_design, with_loads
+from pzt_ros.diagnosis.remarks import of_names
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 
@@ -48,3 +52,16 @@ def test_effects_that_a_drive_cannot_tell_apart(
     found = alike_by_design([record(voltage) for voltage in voltages])
     assert tuple(each.effects for each in found) == groups
     assert all(each.remark for each in found)
+
+
+@pytest.mark.parametrize("has_force", [False, True])
+def test_a_load_may_be_what_a_curve_and_a_strain_law_explain_unless_a_force_was_recorded(has_force: bool) -> None:
+    """An examiner's contact that was lost below half the stroke was a curve or a strain law, and no load."""
+    time = np.linspace(0.0, 1.0, 11)
+    columns = {"time_s": time, "voltage_V": time, "displacement_m": time} | ({"force_N": time} if has_force else {})
+    run: Any = SimpleNamespace(record=Record("a.csv", columns))
+    load = () if has_force else ("load_stiffness",)
+    open_ones = [("sensor_nonlinearity", "strain_law"), ("sensor_nonlinearity", "bias_field")]
+    assert with_loads(open_ones, [run.record]) == ((*open_ones[0], *load), open_ones[1])
+    assert [FORCE in remark for remark in of_names(["sensor_nonlinearity"], [run])] == [True] * (not has_force)
+    assert of_names(["sensor_lag"], [run]) == []
