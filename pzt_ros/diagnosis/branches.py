@@ -225,9 +225,10 @@ def _with_others(branch: Branch, elements: Elements, densities: Densities, searc
     told = [other for other in others if other.explains(asked) or _outdoes(other, steps, search)]
     if any(not other.is_all_seen for other in told):
         return [branch, *others]
-    if told:  # a density that was fitted to all says little against two effects beside the declared one
+    if told:  # a density that was fitted to all says little against two effects beside the declared one, but to a group
         paired = search.with_pair(steps, declared)
-        return [_on_declared(declared, tuple(paired)) if search.explains(paired, declared) else branch, *others]
+        is_decided = search.explains(paired, declared) and not any(step.tied for step in paired)
+        return [_on_declared(declared, tuple(paired)) if is_decided else branch, *others]
     longer = search.continued([step for step in steps if step.accepted] or steps, declared)
     if others[-1].steps:
         longer = search.with_pair(longer, declared)  # two at once takes longest: so last

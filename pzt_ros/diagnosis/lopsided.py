@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from pzt_ros.diagnosis.base import with_pasts
 from pzt_ros.diagnosis.candidates import Step
+from pzt_ros.diagnosis.elimination import without
 from pzt_ros.diagnosis.from_rest import as_virgin
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.search import Search
@@ -34,13 +35,32 @@ def lopsided_instead(declared: Hypothesis, steps: Sequence[Step], search: Search
     search.progress("fitting interaction fields that prefer a direction")
     base = min((lopsided(place) for place in _places(declared)), key=lambda each: each.total)
     biased = [each.after for each in steps[0].candidates if each.cause == BiasField.kind]
-    if base.excess > asked.outdone * declared.excess:
-        return None
-    if found.fit.ratio <= asked.in_sight and base.total >= found.total:
-        return None
-    if any(base.excess > asked.lopsided_less * each.excess for each in biased):
-        return None
+    is_less = base.excess <= asked.outdone * declared.excess
+    is_beside = found.fit.ratio <= asked.in_sight and base.total >= found.total
+    if not is_less or is_beside or any(base.excess > asked.lopsided_less * each.excess for each in biased):
+        return _beside(found, search)
     return exact(base) if base.staged.has_past else with_pasts(base, search.progress, search.workers)
+
+
+def _beside(found: Hypothesis, search: Search) -> Hypothesis | None:
+    """The base with such fields, where they take what one effect leaves to the noise, and no bias field does as much.
+
+    An effect of 10 x that is there hides by how much they are better without it: of a curve beside tilted thresholds
+    Gaussians left 7 x, of which it explained 92 %, such fields without it no less, and beside it the noise.
+    """
+    asked = search.thresholds
+    if len(found.effects) != 1 or reported(*found.effects) == BiasField.kind or search.limit.is_over():
+        return None
+    if search.at_floor(found) or found.fit.ratio > asked.in_sight:
+        return None
+    search.progress("fitting interaction fields that prefer a direction" + found.beside)
+    there = exact(lopsided(found))
+    if max(there.ratios) > asked.flexible_remains:
+        return None
+    biased = search.with_effects(found, [BiasField.kind])
+    if there.excess > asked.lopsided_less * biased.excess:
+        return None
+    return without(there, *found.effects)
 
 
 def lopsided_undeclared(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from ramps_and_holds import FIELDS, NOISE, runs_of
 from scipy import stats
 
 from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis import lopsided as lopsided_of
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.diagnose import diagnose
@@ -94,6 +96,41 @@ def test_a_bias_field_is_no_direction_that_the_fields_prefer(plant: Chain, is_di
     base, search = begun(declared_as(Lattice), runs), Search()
     steps = [search.step(base)]
     assert (lopsided_instead(base, steps, search) is not None) is is_direction
+
+
+@pytest.mark.parametrize(
+    ("effects", "beside", "biased", "is_found"),
+    [
+        (("sensor_nonlinearity",), 1.01, 2.0, True),
+        (("sensor_nonlinearity",), 1.3, 2.0, False),  # something is left beside it
+        (("sensor_nonlinearity",), 1.01, 1.01, False),  # so much a bias field explains, too
+        (("bias_field",), 1.01, 2.0, False),  # which is much the same to such fields
+        ((), 1.01, 2.0, False),
+    ],
+)
+def test_fields_that_prefer_a_direction_are_seen_beside_an_effect_that_hides_them(
+    monkeypatch: pytest.MonkeyPatch, effects: tuple[str, ...], beside: float, biased: float, is_found: bool
+) -> None:
+    """A court case: a curve of 10 x beside tilted thresholds, of which such fields without it left half."""
+    declared, found, there = leaving(6.4), leaving(2.0, effects), leaving(beside, effects)
+    steps: Any = [SimpleNamespace(after=found, candidates=())]
+    monkeypatch.setattr(lopsided_of, "may_be_lopsided", lambda found: True)
+    monkeypatch.setattr(lopsided_of, "_places", lambda declared: [declared])
+    monkeypatch.setattr(lopsided_of, "lopsided", lambda place: leaving(4.3) if place is declared else there)
+    monkeypatch.setattr(lopsided_of, "exact", lambda found: found)
+    monkeypatch.setattr(lopsided_of, "without", lambda found, name: (found, name))
+    monkeypatch.setattr(Search, "with_effects", lambda self, base, names: leaving(biased, effects))
+    base = lopsided_instead(declared, steps, Search())
+    assert base == ((there, *effects) if is_found else None)
+
+
+def leaving(ratio: float, effects: tuple[str, ...] = ()) -> Any:
+    """What is asked of a hypothesis that leaves so many times the noise in each of two runs."""
+    total = 2.0 * ratio**2
+    left = SimpleNamespace(ratio=ratio)
+    return SimpleNamespace(
+        fit=left, selection=left, ratios=[ratio] * 2, total=total, excess=total - 2.0, effects=effects, beside=""
+    )
 
 
 @pytest.mark.parametrize(
