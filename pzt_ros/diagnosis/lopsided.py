@@ -38,8 +38,26 @@ def lopsided_instead(declared: Hypothesis, steps: Sequence[Step], search: Search
     is_less = base.excess <= asked.outdone * declared.excess
     is_beside = found.fit.ratio <= asked.in_sight and base.total >= found.total
     if not is_less or is_beside or any(base.excess > asked.lopsided_less * each.excess for each in biased):
-        return _beside(found, search)
+        place = _hidden_by(steps, search)
+        return None if place is None else _beside(place, search)
     return exact(base) if base.staged.has_past else with_pasts(base, search.progress, search.workers)
+
+
+def _hidden_by(steps: Sequence[Step], search: Search) -> Hypothesis | None:
+    """The base beside one effect, no bias field, that explains enough and leaves something, but is no longer far off.
+
+    Where a curve and a bias field tie, which such fields look like, it is what explains nearly all beside those,
+    without them: a current limit of 10 x beside tilted thresholds.
+    """
+    asked, last, place = search.thresholds, steps[-1], steps[-1].after
+    most = asked.in_sight
+    is_alike = frozenset(map(reported, steps[0].tied)) >= _ALIKE
+    if is_alike and last is not steps[0] and last.candidates and last.candidates[0].fit_share > asked.whole:
+        bare = without(last.candidates[0].after, steps[0].tied[0])
+        place, most = (place, most) if bare is None else (bare, asked.reachable)
+    if len(place.effects) != 1 or reported(*place.effects) == BiasField.kind or search.limit.is_over():
+        return None
+    return None if search.at_floor(place) or place.fit.ratio > most else place
 
 
 def _beside(found: Hypothesis, search: Search) -> Hypothesis | None:
@@ -49,10 +67,6 @@ def _beside(found: Hypothesis, search: Search) -> Hypothesis | None:
     Gaussians left 7 x, of which it explained 92 %, such fields without it no less, and beside it the noise.
     """
     asked = search.thresholds
-    if len(found.effects) != 1 or reported(*found.effects) == BiasField.kind or search.limit.is_over():
-        return None
-    if search.at_floor(found) or found.fit.ratio > asked.in_sight:
-        return None
     search.progress("fitting interaction fields that prefer a direction" + found.beside)
     there = exact(lopsided(found))
     if max(there.ratios) > asked.flexible_remains:

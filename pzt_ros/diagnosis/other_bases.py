@@ -14,6 +14,7 @@ from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
 from pzt_ros.diagnosis.hypothesis import Hypothesis, without_effects
+from pzt_ros.diagnosis.reach_of_pasts import told_beyond_pasts
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.undeclared import Bases
@@ -110,7 +111,11 @@ class Densities:
     @cached_property
     def relays(self) -> Hypothesis:
         """Those that know no rate, without an effect."""
-        return self.known.relays or fit_rate_independent(self.declared, self.search.progress, self.search.workers)
+        search = self.search
+        if self.known.relays is not None:
+            return self.known.relays
+        found = fit_rate_independent(self.declared, search.progress, search.workers)
+        return told_beyond_pasts(found, search.thresholds, search.progress, search.workers)
 
     @cached_property
     def on_relays(self) -> Branch:

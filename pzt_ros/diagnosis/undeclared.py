@@ -24,7 +24,7 @@ from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.lopsided import lopsided_undeclared
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
-from pzt_ros.diagnosis.reach_of_pasts import where_no_past_reaches
+from pzt_ros.diagnosis.reach_of_pasts import told_beyond_pasts, where_no_past_reaches
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import shaped
 from pzt_ros.diagnosis.staged import Progress
@@ -110,6 +110,7 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     if max(found.ratios) <= asked.floor:
         return Bases(found)
     relays = fit_rate_independent(found, progress, workers)
+    relays = told_beyond_pasts(relays, asked, progress, workers)
     if tells_all(relays, asked):
         return Bases(relays, relays)
     # beside pasts that nobody sought yet a polycrystal is far off, whatever the stage is

@@ -46,6 +46,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(whole_runs, "whole_beside", lambda *_: None)
     monkeypatch.setattr(branches, "beside_likeliest", lambda *_: None)
     monkeypatch.setattr(branches, "on_own_relays", lambda *_: None)
+    monkeypatch.setattr(other_bases, "told_beyond_pasts", lambda found, *_: found)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
 
 

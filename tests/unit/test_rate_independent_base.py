@@ -13,6 +13,7 @@ import pytest
 from pzt_benchmarks.residual_court.cases import Spec, make_case
 from pzt_benchmarks.residual_court.files import write_case
 from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis import reach_of_pasts
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.branches import _trusted
 from pzt_ros.diagnosis.candidates import Step
@@ -97,3 +98,38 @@ def test_what_knows_no_rate_comes_down_to_the_noise(
     assert report.after.score < 1.1 * report.noise
     report.save_data(tmp_path)
     assert link in [type(each) for each in load_chain(tmp_path / "model.yaml").links]
+
+
+@pytest.mark.parametrize(
+    ("left", "has_past", "since", "beyond", "is_taken"),
+    [
+        (10.0, False, 0, 1.05, True),
+        (10.0, False, 0, 1.3, False),  # something is left there, too
+        (1.04, False, 0, 1.0, False),  # nothing to mend
+        (10.0, True, 0, 1.0, False),  # pasts of runs that begin driven are sought elsewhere
+        (10.0, False, 80, 1.0, False),  # it is counted so already
+    ],
+)
+def test_a_first_way_up_that_no_fitted_run_shows_does_not_count(
+    monkeypatch: pytest.MonkeyPatch, left: float, has_past: bool, since: int, beyond: float, is_taken: bool
+) -> None:
+    """An examiner's plays, nothing hidden: fitted runs were cycled before, others not, of which relays left 10 x."""
+    runs = [SimpleNamespace(since=since), SimpleNamespace(since=0)]
+    relays: Any = SimpleNamespace(ratios=[1.05, left], staged=StagedLike(runs, has_past), vector=None, effects=())
+    there = SimpleNamespace(ratios=[1.0, beyond], staged=StagedLike(runs, has_past))
+    counted: list[Any] = []
+    monkeypatch.setattr(reach_of_pasts, "counted_where_no_past_reaches", lambda run: counted.append(run) or run)
+    monkeypatch.setattr(reach_of_pasts, "seen_through", lambda chain, runs: runs)
+    monkeypatch.setattr(reach_of_pasts, "fitted", lambda staged, *_, most_steps: staged)
+    monkeypatch.setattr(reach_of_pasts, "fit_rate_independent", lambda *_: there)
+    found = reach_of_pasts.told_beyond_pasts(relays, Thresholds(), print, IN_THIS_PROCESS)
+    assert found is (there if is_taken else relays)
+    assert counted in ([], runs)
+
+
+@dataclasses.dataclass
+class StagedLike:
+    runs: list[Any]
+    has_past: bool
+    chain: Any = None
+    ceramic: Any = None
