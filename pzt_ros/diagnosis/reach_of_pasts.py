@@ -49,7 +49,7 @@ def where_no_past_reaches(virgin: Hypothesis, found: Hypothesis, workers: Worker
 
 
 def told_beyond_pasts(relays: Hypothesis, asked: Thresholds, progress: Progress, workers: Workers) -> Hypothesis:
-    """Relays identified where no past of their runs from rest reaches, where they leave nothing there; else as they are.
+    """Relays identified where no past of runs from rest reaches, where they leave nothing there; else as they are.
 
     Of runs from rest one may begin on a virgin stage and another after cycles. What switches once, on the first way
     up, no other shows, and no density foretells it: of plays in which nothing was hidden relays left 1.3 x of the runs
