@@ -113,15 +113,49 @@ def test_fields_that_prefer_a_direction_are_seen_beside_an_effect_that_hides_the
 ) -> None:
     """A court case: a curve of 10 x beside tilted thresholds, of which such fields without it left half."""
     declared, found, there = leaving(6.4), leaving(2.0, effects), leaving(beside, effects)
-    steps: Any = [SimpleNamespace(after=found, candidates=())]
+    steps: Any = [SimpleNamespace(after=found, candidates=(), tied=())]
+    with_direction(monkeypatch, declared, there, biased)
+    base = lopsided_instead(declared, steps, Search())
+    assert base == ((there, *effects) if is_found else None)
+
+
+@pytest.mark.parametrize(
+    ("tied", "share", "is_found"),
+    [
+        (("sensor_nonlinearity", "imprint", "strain_law"), 0.97, True),
+        (("sensor_nonlinearity", "imprint", "strain_law"), 0.8, False),  # not nearly all of what they leave
+        (("sensor_nonlinearity", "strain_law"), 0.97, False),  # no bias field is as good
+    ],
+)
+def test_fields_that_prefer_a_direction_are_seen_beside_what_a_tie_of_their_likes_hides(
+    monkeypatch: pytest.MonkeyPatch, tied: tuple[str, ...], share: float, is_found: bool
+) -> None:
+    """A court case: a current limit of 10 x, told beside a curve or a bias field that were neither there."""
+    limit = ("amplifier_charge_limit",)
+    declared, found, there = leaving(5.0), leaving(2.0, ("sensor_nonlinearity", *limit)), leaving(1.0, limit)
+    curve = SimpleNamespace(after=leaving(1.7, ("sensor_nonlinearity",)), candidates=(), tied=tied)
+    beside = SimpleNamespace(after=found, fit_share=share)
+    steps: Any = [curve, SimpleNamespace(after=curve.after, candidates=(beside,), tied=())]
+    with_direction(monkeypatch, declared, there, 4.0)
+    bare = leaving(4.5, limit)
+    monkeypatch.setattr(
+        lopsided_of, "without", lambda each, name: bare if each is found and name == tied[0] else (each, name)
+    )
+    monkeypatch.setattr(
+        lopsided_of, "lopsided", lambda place: {id(declared): leaving(4.3), id(bare): there}.get(id(place), leaving(9.0))
+    )
+    base = lopsided_instead(declared, steps, Search())
+    assert base == ((there, *limit) if is_found else None)
+
+
+def with_direction(monkeypatch: pytest.MonkeyPatch, declared: Any, there: Any, biased: float) -> None:
+    """Such fields leave 4.3 x without an effect, `there` beside one; a bias field beside that so much."""
     monkeypatch.setattr(lopsided_of, "may_be_lopsided", lambda found: True)
     monkeypatch.setattr(lopsided_of, "_places", lambda declared: [declared])
     monkeypatch.setattr(lopsided_of, "lopsided", lambda place: leaving(4.3) if place is declared else there)
     monkeypatch.setattr(lopsided_of, "exact", lambda found: found)
     monkeypatch.setattr(lopsided_of, "without", lambda found, name: (found, name))
-    monkeypatch.setattr(Search, "with_effects", lambda self, base, names: leaving(biased, effects))
-    base = lopsided_instead(declared, steps, Search())
-    assert base == ((there, *effects) if is_found else None)
+    monkeypatch.setattr(Search, "with_effects", lambda self, base, names: leaving(biased))
 
 
 def leaving(ratio: float, effects: tuple[str, ...] = ()) -> Any:
