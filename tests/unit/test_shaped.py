@@ -141,9 +141,8 @@ def test_fields_that_prefer_a_direction_are_seen_beside_what_a_tie_of_their_like
     monkeypatch.setattr(
         lopsided_of, "without", lambda each, name: bare if each is found and name == tied[0] else (each, name)
     )
-    monkeypatch.setattr(
-        lopsided_of, "lopsided", lambda place: {id(declared): leaving(4.3), id(bare): there}.get(id(place), leaving(9.0))
-    )
+    left = {id(declared): leaving(4.3), id(bare): there}
+    monkeypatch.setattr(lopsided_of, "lopsided", lambda place: left.get(id(place), leaving(9.0)))
     base = lopsided_instead(declared, steps, Search())
     assert base == ((there, *limit) if is_found else None)
 
