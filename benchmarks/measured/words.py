@@ -32,7 +32,8 @@ predicted 92 nm, was softened. The seventh, with a finer lattice: 0.172 % for 0.
 takes the declared base again; nothing was changed for that, nor in the eighth table (56 nm), nor in four on 2026-11-28
 (59 nm, with a mode or a bandwidth that these runs do not tell apart). On 2026-11-29 no name, and 479 nm by `pzt
 diagnose`, whose answer is as it was before that day's changes,
-and after those of three sessions in the evening.""",
+and after those of three sessions in the evening; by the table made then, on another machine, no name and 1463 nm, where
+the same diagnosis in one thread said as before: that fit stands at a fork.""",
 }
 
 MEANING = {

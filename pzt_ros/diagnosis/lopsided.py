@@ -36,8 +36,8 @@ def lopsided_instead(declared: Hypothesis, steps: Sequence[Step], search: Search
     base = min((lopsided(place) for place in _places(declared)), key=lambda each: each.total)
     biased = [each.after for each in steps[0].candidates if each.cause == BiasField.kind]
     is_less = base.excess <= asked.outdone * declared.excess
-    is_beside = found.fit.ratio <= asked.in_sight and base.total >= found.total
-    if not is_less or is_beside or any(base.excess > asked.lopsided_less * each.excess for each in biased):
+    is_told_better = found.fit.ratio <= asked.in_sight and base.total >= found.total
+    if not is_less or is_told_better or any(base.excess > asked.lopsided_less * each.excess for each in biased):
         place = _hidden_by(steps, search)
         return None if place is None else _beside(place, search)
     return exact(base) if base.staged.has_past else with_pasts(base, search.progress, search.workers)
