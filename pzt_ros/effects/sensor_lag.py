@@ -11,7 +11,7 @@ from numba import njit
 
 from pzt_ros.effects.sampling import lag_gains, other_step
 from pzt_ros.physics.change import Change, Columns
-from pzt_ros.physics.linear_response import lag_inverse
+from pzt_ros.physics.linear_response import lag_inverse, lag_step
 from pzt_ros.physics.link import SENSOR, Link, State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -20,20 +20,16 @@ _MOST = 1000
 """Samples that can be under way. Once half of them are, those closer than 1/500 of the delay are left out."""
 
 _SEEN, _TIME, _INPUT, _OUTPUT, _STEP, _OLDEST, _COUNT, _HEAD = 0, 1, 2, 3, 4, 5, 6, 7
-_ROW = 2
-"""What is kept of a sample under way: time and the output of the lag."""
-_RING = _MOST + 3
-_CLOSE = 0.5  # of the step after it, from which the step before says how the reading bends
+_ROW = 3
+"""What is kept of a sample under way: time, input and the output of the lag."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorLag(Link):
     """A first-order lag, then a delay of any length; together as late as `lag` says, where the input is a ramp.
 
-    The lag is exact for straight lines between samples, however uneven. What comes out of the delay between two samples
-    is on the parabola through them and the one before: on the line through the two a delay of half a sample had taken
-    5 % of a motion at a tenth of the sample rate, and a mode fitted the runs better. The link starts in balance
-    wherever its first sample is.
+    Both are exact for straight lines between samples, however uneven. The link starts in balance wherever its first
+    sample is.
     """
 
     kind: ClassVar[str] = "sensor_lag"
@@ -58,7 +54,7 @@ class SensorLag(Link):
 
     def init(self, rest: Rest) -> State:
         """The last sample (seen or not, time [s], in and out [m], step [s]) and a ring of those under way."""
-        return np.zeros(_HEAD + (_ROW * _RING if self.pure_delay > 0.0 else 0))
+        return np.zeros(_HEAD + (_ROW * (_MOST + 2) if self.pure_delay > 0.0 else 0))
 
     def step(self, state: State, signals: Signals) -> tuple[State, Signals]:
         """Displacement to reading."""
@@ -87,57 +83,42 @@ class SensorLag(Link):
 def _begin(state: Array, time: float, displacement: float, delay: float) -> None:
     state[_SEEN], state[_TIME], state[_INPUT], state[_OUTPUT] = 1.0, time, displacement, displacement
     if delay > 0.0:
-        state[_HEAD], state[_HEAD + 1], state[_COUNT] = time, displacement, 1.0
+        state[_HEAD], state[_HEAD + 1], state[_HEAD + 2], state[_COUNT] = time, displacement, displacement, 1.0
 
 
 @njit(cache=True)
 def _place(state: Array, number: int) -> int:
     """Where the sample under way with that number, counted from the oldest, stands in the ring."""
-    return _HEAD + _ROW * ((int(state[_OLDEST]) + number) % _RING)
+    return _HEAD + _ROW * ((int(state[_OLDEST]) + number) % (_MOST + 2))
 
 
 @njit(cache=True)
-def _delayed(state: Array, delay: float) -> float:
+def _delayed(state: Array, time_constant: float, delay: float) -> float:
     """Keep the last sample and say what comes out of the delay now: the lag's output a delay ago."""
     count, now = int(state[_COUNT]), state[_TIME]
     newest = _place(state, count - 1)
     gap = now - state[newest]
     if gap > 0.0 and (count < _MOST // 2 or gap >= 2.0 * delay / _MOST):
         newest = _place(state, count)
-        state[newest], state[newest + 1] = now, state[_OUTPUT]
+        state[newest], state[newest + 1], state[newest + 2] = now, state[_INPUT], state[_OUTPUT]
         count += 1
     then = now - delay
-    while count > 2 and state[_place(state, 2)] <= then:  # one before the last that came out says how the line bends
-        state[_OLDEST] = (int(state[_OLDEST]) + 1) % _RING
+    while count > 1 and state[_place(state, 1)] <= then:
+        state[_OLDEST] = (int(state[_OLDEST]) + 1) % (_MOST + 2)
         count -= 1
     state[_COUNT] = count
-    last = 1 if count > 1 and state[_place(state, 1)] <= then else 0
-    here = _place(state, last)
-    next_time, next_output = now, state[_OUTPUT]
-    if count > last + 1:
-        there = _place(state, last + 1)
-        next_time, next_output = state[there], state[there + 1]
-    if then <= state[here] or next_time <= state[here]:
-        return state[here + 1]
-    slope = (next_output - state[here + 1]) / (next_time - state[here])
-    output = state[here + 1] + slope * (then - state[here])
-    if last > 0:
-        before = _place(state, 0)
-        output += (slope - (state[here + 1] - state[before + 1]) / (state[here] - state[before])) * _bend(
-            state[before], state[here], next_time, then
-        )
-    return output
-
-
-@njit(cache=True)
-def _bend(before: float, last: float, following: float, then: float) -> float:
-    """Weight of the change of slope at the middle one of three samples, for a parabola through them [s].
-
-    None where the first two are close together: the slope between those says next to nothing.
-    """
-    if last - before < _CLOSE * (following - last):
-        return 0.0
-    return (then - last) * (then - following) / (following - before)
+    old = _place(state, 0)
+    time, before, output = state[old], state[old + 1], state[old + 2]
+    if then <= time:
+        return output
+    next_time, next_input = now, state[_INPUT]
+    if count > 1:
+        new = _place(state, 1)
+        next_time, next_input = state[new], state[new + 1]
+    there = before + (next_input - before) * (then - time) / (next_time - time)
+    if time_constant == 0.0:
+        return there
+    return lag_step(output, before, there, then - time, time_constant)
 
 
 @njit(cache=True)
@@ -152,7 +133,7 @@ def _follow(state: Array, time: Array, displacement: Array, out: Array, time_con
             kept, first, last = lag_gains(step, time_constant)
         state[_OUTPUT] = kept * state[_OUTPUT] + first * state[_INPUT] + last * displacement[k]
         state[_TIME], state[_INPUT] = time[k], displacement[k]
-        out[k] = _delayed(state, delay) if delay > 0.0 else state[_OUTPUT]
+        out[k] = _delayed(state, time_constant, delay) if delay > 0.0 else state[_OUTPUT]
 
 
 @njit(cache=True)
@@ -169,27 +150,28 @@ def _follow_columns(time: Array, free: Columns, out: Columns, time_constant: flo
         for i in range(free.shape[1]):
             lagged[k, i] = kept * lagged[k - 1, i] + first * free[k - 1, i] + last * free[k, i]
     if delay > 0.0:
-        _delay_columns(time, lagged, out, delay)
+        _delay_columns(time, free, lagged, out, time_constant, delay)
 
 
 @njit(cache=True)
-def _delay_columns(time: Array, lagged: Columns, out: Columns, delay: float) -> None:
-    """`_delayed` for many columns at once."""
-    last = 0
+def _delay_columns(
+    time: Array, free: Columns, lagged: Columns, out: Columns, time_constant: float, delay: float
+) -> None:
+    """What came out of the lag a delay ago, for many columns at once; between samples exact for straight lines."""
+    before = 0
     for k in range(time.size):
         then = time[k] - delay
-        while last + 1 < time.size and time[last + 1] <= then:
-            last += 1
-        if then <= time[last]:
-            out[k] = lagged[last]
+        while before + 1 < time.size and time[before + 1] <= then:
+            before += 1
+        if then <= time[before]:
+            out[k] = lagged[before]
             continue
-        step = time[last + 1] - time[last]
-        bend = _bend(time[last - 1], time[last], time[last + 1], then) if last > 0 else 0.0
-        for i in range(lagged.shape[1]):
-            slope = (lagged[last + 1, i] - lagged[last, i]) / step
-            out[k, i] = lagged[last, i] + slope * (then - time[last])
-            if bend != 0.0:
-                out[k, i] += bend * (slope - (lagged[last, i] - lagged[last - 1, i]) / (time[last] - time[last - 1]))
+        step = time[before + 1] - time[before]
+        part = (then - time[before]) / step
+        kept, first, last = lag_gains(part * step, time_constant)
+        for i in range(free.shape[1]):
+            start, there = free[before, i], free[before, i] + part * (free[before + 1, i] - free[before, i])
+            out[k, i] = kept * lagged[before, i] + first * start + last * there
 
 
 @njit(cache=True)
@@ -203,4 +185,4 @@ def _lead(state: Array, time: Array, wanted: Array, needed: Array, time_constant
             needed[k] = lag_inverse(wanted[k], state[_OUTPUT], state[_INPUT], step, time_constant)
         state[_TIME], state[_INPUT], state[_OUTPUT] = time[k], needed[k], wanted[k]
         if delay > 0.0:
-            _delayed(state, delay)
+            _delayed(state, time_constant, delay)
