@@ -25,7 +25,7 @@ from pzt_ros.diagnosis.other_bases import (
     on_own_relays,
     on_relays,
 )
-from pzt_ros.diagnosis.reach_of_pasts import unreached_beside
+from pzt_ros.diagnosis.past_instead import past_instead, poled_instead
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import is_shaped, shaped
@@ -40,7 +40,6 @@ from pzt_ros.physics.polycrystal import Polycrystal
 
 _PAIR = 2  # effects that were added at once
 _SHAPED = 2  # effects beside which shapes are freed
-_POLED = 3  # effects beside which a ceramic may have been poled
 _COMES_DOWN = 0.98  # what has to be left of a base's misfit for the search to begin anew
 
 
@@ -110,7 +109,7 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         return [_on_declared(declared, ()), elements.branch]  # of few numbers, and searched in seconds
     if bases.relays is not None and not search.blind(declared) and densities.tell_first(elements, asked):
         return [_on_declared(declared, ()), densities.on_relays]
-    base = _poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
+    base = poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
     if base is not None:
         return _begun_anew(bases._replace(declared=base, relays=None), search)
     sooner = _sooner(bases, elements, densities, search)
@@ -145,7 +144,7 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     on_shapes = _on_shapes(declared, shaped(declared), search) if are_shapes_all else None
     if on_shapes is not None:
         return [on_shapes]
-    base = None if bases.is_whole or search.explains(steps, declared) else _with_other_pasts(steps, asked)
+    base = None if bases.is_whole or search.explains(steps, declared) else past_instead(steps, asked)
     if base is not None and not limit.is_over():
         return _begun_anew(bases._replace(declared=base, relays=None), search)
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
@@ -273,36 +272,6 @@ def _may_hide_a_past(bases: Bases, elements: Elements, asked: Thresholds) -> boo
         return False
     others = [elements.base, *([bases.relays] if bases.relays is not None else [])]
     return all(other.excess > asked.outdone * declared.excess for other in others)
-
-
-def _with_other_pasts(steps: Sequence[Step], asked: Thresholds) -> Hypothesis | None:
-    """The base with its runs from rest poled before, or without what a past reaches, where an effect shows that."""
-    poled = _poled_instead(steps[0].candidates, asked) if steps[-1].after.fit.ratio > asked.in_sight else None
-    return _unreached_instead(steps[0].candidates, asked) if poled is None else poled
-
-
-def _unreached_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hypothesis | None:
-    """The base of what no past reaches, where that leaves far less beside one of the effects tried."""
-    for each in sorted(candidates, key=lambda candidate: -candidate.fit_share)[:_POLED]:
-        beside = unreached_beside(each.after, asked.outdone)
-        if beside is not None:
-            return without(beside, each.name)
-    return None
-
-
-def _poled_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hypothesis | None:
-    """The base with its runs from rest poled before, where that leaves far less beside one of the effects tried.
-
-    An effect hides a past, and a past an effect. Of a mode of 8 x the noise on a stage that had been poled a virgin
-    ceramic left 12 x, whose densities bent for both, and a poled one 4.1 x; on stages that were never driven 1.0 times
-    as much as before and more.
-    """
-    for each in sorted(candidates, key=lambda candidate: -candidate.fit_share)[:_POLED]:
-        beside = poled_beside(each.after)
-        is_near = beside is not None and beside.fit.ratio <= asked.reachable
-        if beside is not None and is_near and beside.excess <= asked.outdone * each.after.excess:
-            return without(beside, each.name)
-    return None
 
 
 def _on_free_law(declared: Hypothesis, steps: Sequence[Step], search: Search) -> Branch | None:

@@ -11,7 +11,17 @@ import numpy as np
 import pytest
 
 from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis import beside_effects, branches, from_rest, judge, other_bases, refinement, seeker, whole_runs
+from pzt_ros.diagnosis import (
+    beside_effects,
+    branches,
+    from_rest,
+    judge,
+    other_bases,
+    past_instead,
+    refinement,
+    seeker,
+    whole_runs,
+)
 from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.beside_effects import BesideEffects
@@ -1044,9 +1054,9 @@ def test_a_poled_past_is_believed_beside_an_effect_where_it_leaves_far_less(
     tried: Any = leaving_of(40.0, strain_polarization_hysteresis=0.8 * most, mechanical_resonance=most)
     tried += leaving_of(40.0, imprint=1.1 * most, thermal_drift=1.2 * most)  # the last explains least: never asked
     poled = {id(each.after): left and leaving(left, left) for each, left in zip(tried, beside, strict=False)}
-    monkeypatch.setattr(branches, "poled_beside", lambda after: poled[id(after)])
-    monkeypatch.setattr(branches, "without", lambda each, name: name)
-    base = branches._poled_instead(tried[::-1], Thresholds())
+    monkeypatch.setattr(past_instead, "poled_beside", lambda after: poled[id(after)])
+    monkeypatch.setattr(past_instead, "without", lambda each, name: name)
+    base = past_instead.poled_instead(tried[::-1], Thresholds())
     assert base == (None if found is None else tried[found].name)
 
 
@@ -1137,7 +1147,7 @@ def test_a_base_of_whole_runs_is_not_taken_for_one_with_a_past_again(monkeypatch
     monkeypatch.setattr(Search, "run", lambda self, place: searched.append(place) or [Step(place, (), {}, (), (), "")])
     monkeypatch.setattr(branches, "_sooner", lambda *_: [])
     monkeypatch.setattr(branches, "whole_instead", lambda steps, search: virgin if steps[-1].after is cut else None)
-    monkeypatch.setattr(branches, "_with_other_pasts", lambda steps, asked: cut)
+    monkeypatch.setattr(branches, "past_instead", lambda steps, asked: cut)
     monkeypatch.setattr(branches, "_shapes_come_down", lambda *_: False)
     monkeypatch.setattr(branches, "_ended", lambda declared, *_: [Branch("gaussian", declared, ())])
     monkeypatch.setattr(other_bases.Densities, "lattice_is_all", lambda *_: False)
