@@ -76,11 +76,10 @@ def with_loads(groups: Iterable[tuple[str, ...]], records: Sequence[Record]) -> 
     A load that does not yield in proportion bends the displacement as they do: of a contact that was lost below half
     the stroke the two left the noise, and it was in no group.
     """
-    is_seen = all(FORCE in record.columns for record in records)
+    is_seen = all(record.force is not None for record in records)
     return tuple(group if is_seen or not set(group) >= _CURVES else (*group, LoadStiffness.kind) for group in groups)
 
 
-FORCE = "force_N"
 _CURVES = frozenset({SensorNonlinearity.kind, STRAIN_LAW})
 
 DENSITY = "hysteresis_density"

@@ -49,13 +49,15 @@ def _hidden_by(steps: Sequence[Step], search: Search) -> Hypothesis | None:
     Where a curve and a bias field tie, which such fields look like, it is what explains nearly all beside those,
     without them: a current limit of 10 x beside tilted thresholds.
     """
+    if search.limit.is_over():
+        return None
     asked, last, place = search.thresholds, steps[-1], steps[-1].after
     most = asked.in_sight
     is_alike = frozenset(map(reported, steps[0].tied)) >= _ALIKE
     if is_alike and last is not steps[0] and last.candidates and last.candidates[0].fit_share > asked.whole:
         bare = without(last.candidates[0].after, steps[0].tied[0])
         place, most = (place, most) if bare is None else (bare, asked.reachable)
-    if len(place.effects) != 1 or reported(*place.effects) == BiasField.kind or search.limit.is_over():
+    if len(place.effects) != 1 or reported(*place.effects) == BiasField.kind:
         return None
     return None if search.at_floor(place) or place.fit.ratio > most else place
 

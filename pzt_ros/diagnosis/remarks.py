@@ -10,7 +10,6 @@ from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.gaps import lost_turns
 from pzt_ros.diagnosis.grain import was_grainy
 from pzt_ros.diagnosis.hypothesis import Hypothesis
-from pzt_ros.diagnosis.identifiability import FORCE
 from pzt_ros.diagnosis.shaped import is_shaped
 from pzt_ros.diagnosis.wandering import wanders
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
@@ -56,7 +55,7 @@ _SHAPED = (
 )
 _LOAD = (
     "A load that does not yield in proportion, such as a contact that is lost, bends the displacement as the curve of a"
-    f" sensor does. A recorded force ({FORCE}) would tell the two apart."
+    " sensor does. A recorded force (force_N) would tell the two apart."
 )
 _LOST_TURNS = (
     "{name}: {count} samples do not count, because they follow gaps in which the drive turned: how far it went there is"
@@ -81,7 +80,7 @@ def of_model(found: Hypothesis) -> list[str]:
 
 def of_names(names: Sequence[str], runs: Sequence[RunData]) -> list[str]:
     """What else might be behind a name that stands alone, and no run could show."""
-    is_seen = all(FORCE in run.record.columns for run in runs)
+    is_seen = all(run.record.force is not None for run in runs)
     return [_LOAD] if SensorNonlinearity.kind in names and not is_seen else []
 
 
