@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pzt_ros.diagnosis.coordinates import coordinate
+from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
 from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
@@ -26,7 +26,9 @@ from pzt_ros.diagnosis.parts import driven_before, parts_of, reversed_before, wi
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress, Staged
 from pzt_ros.diagnosis.strain_laws import coordinates_of
+from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
+from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.link import Link
@@ -271,25 +273,42 @@ def _with_law(model: Hypothesis, ceramic: Hysteresis, found: IdentifiedResult, s
 
 
 def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, order: int) -> tuple[Staged, Array]:
-    """A ceramic and a law, free up to an order, beside what else the declared chain has; where its fit may start."""
+    """A ceramic and a law, free up to an order, beside what else the declared chain has; where its fit may start.
+
+    Effects that count from a zero of P find it anew: it lies elsewhere in another ceramic.
+    """
     placeholder = ceramic.link(ceramic.start)
     values = zip(declared.staged.coordinates, declared.vector[declared.staged.ceramic.start.size :], strict=True)
-    kept = [(each, value) for each, value in values if each.kind not in _LAWS]
+    kept = [(each, value) for each, value in values if each.kind not in _LAWS and not _is_zero(each)]
     chain = declared.staged.chain_at(declared.vector)
     links = tuple(new for link in chain.links for new in _instead(link, placeholder, law))
     leads = [link for link in links if link.kind == StrainPolarizationHysteresis.kind and link not in chain.links]
     lead = [coordinate(link, field) for link in leads for field in ("polarization_lead", "turn_width")]
+    zeros = [coordinate(link, EFFECT_OF[link.kind].zero) for link in effects_in(chain) if EFFECT_OF[link.kind].zero]
     own = (*coordinates_of(law)[:order], *lead)
     staged = replace(
         declared.staged,
         chain=replace(chain, links=links),
         ceramic=ceramic,
-        coordinates=(*own, *(each for each, _ in kept)),
+        coordinates=(*own, *(each for each, _ in kept), *zeros),
     )
     start = staged.start
-    if kept:
-        start[-len(kept) :] = [value for _, value in kept]
+    found = len(start) - len(zeros) - len(kept)
+    start[found : found + len(kept)] = [value for _, value in kept]
+    if zeros:
+        moved = _first_polarization(declared.staged, declared.vector) - _first_polarization(staged, start)
+        start[-len(zeros) :] = [each.scaled(each.start + moved) for each in zeros]
     return staged, start
+
+
+def _is_zero(each: Coordinate) -> bool:
+    """Whether it is where an effect counts P from."""
+    return each.kind in EFFECT_OF and each.field == EFFECT_OF[each.kind].zero
+
+
+def _first_polarization(staged: Staged, vector: Array) -> float:
+    """Where the first run begins [C/m^2]."""
+    return float(staged.polarizations(vector)[0][0])
 
 
 def _instead(link: Link, ceramic: Link, law: StrainLaw) -> tuple[Link, ...]:

@@ -46,6 +46,8 @@ class Effect:
             them: they say how it acts, and whether it is there does not hang on them.
         spans: parameters for the middle and for half the width of the displacement that it acts on, which are given
             and not found; empty where there are none.
+        zero: the parameter for the polarization where P is 0, which is found beside a density that was identified, for
+            that has its zero anywhere; one of `details`. Empty where the effect knows no zero.
         goes_on: the parameter that counts what was gone through before a run, where that may be known from the runs
             before it; given and not found. Such a link is a `GoesOn`. Empty where there is none.
         needs: columns of the record without which the effect cannot be asked for.
@@ -67,6 +69,7 @@ class Effect:
     additive: tuple[str, ...] = ()
     details: tuple[str, ...] = ()
     spans: tuple[str, ...] = ()
+    zero: str = ""
     goes_on: str = ""
     needs: tuple[str, ...] = ()
     absence: str = ""

@@ -22,13 +22,20 @@ _LEAST = 0.01
 _NEVER = 1e30
 """Cycles to saturation [-]: a power law to the last digit."""
 
-_Law = tuple[float, float, float, float, float]
-"""What is lost in the end [-], exponent, saturation cycles, way in a cycle [C/m^2], cycles before the first sample."""
+_Law = tuple[float, float, float, float, float, float]
+"""What is lost in the end [-], exponent, saturation cycles, way in a cycle [C/m^2], cycles before the first sample,
+polarization where P is 0 [C/m^2]."""
+
+_REMANENT = 5
+"""Place of the last in a law."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolarizationFatigue(Link):
     """P less a part that grows with the cycles N gone through: the way of P so far over four reference polarizations.
+
+    The part is one of P and of the remanent polarization, for P may count from any state: displacement tells only how
+    far it is from another, and an identified density has its zero anywhere.
 
     The part is loss * n^exponent * (1 - exp(-(N/n)^exponent)), n the saturation cycles: loss * N^exponent long before
     those, and no more after them. Exponent 1 then loses the same in each cycle. N counts up to the sample before, so
@@ -49,6 +56,9 @@ class PolarizationFatigue(Link):
         0.25, "C/m^2", "a quarter of the way of P in a cycle", bounds=(1e-6, 10.0)
     )
     cycles_before: float = parameter(0.0, "1", "cycles before the first sample", bounds=(0.0, 1e12))
+    remanent_polarization: float = parameter(
+        0.0, "C/m^2", "polarization where P is counted from, which is lost as well", bounds=(-1.0, 1.0)
+    )
 
     def init(self, rest: Rest) -> State:
         """Whether a sample was seen, the last P without fatigue, and its way so far [both C/m^2]."""
@@ -80,13 +90,13 @@ class PolarizationFatigue(Link):
     def _law(self) -> _Law:
         lost = self.loss * self.saturation_cycles**self.exponent
         way = 4.0 * self.reference_polarization
-        return lost, self.exponent, self.saturation_cycles, way, self.cycles_before
+        return lost, self.exponent, self.saturation_cycles, way, self.cycles_before, self.remanent_polarization
 
 
 @njit(cache=True)
 def _left(state: Array, law: _Law) -> float:
     """Part of the polarization that is left [-]."""
-    lost, exponent, saturation, way, before = law
+    lost, exponent, saturation, way, before, _ = law
     cycles = before + state[_TRAVEL] / way
     return max(1.0 + lost * math.expm1(-((cycles / saturation) ** exponent)), _LEAST)
 
@@ -94,7 +104,7 @@ def _left(state: Array, law: _Law) -> float:
 @njit(cache=True)
 def _worn(state: Array, left: float, law: _Law) -> float:
     """What is lost with a way of 1 C/m^2 more [m^2/C], where so much is left."""
-    lost, exponent, saturation, way, before = law
+    lost, exponent, saturation, way, before, _ = law
     cycles = before + state[_TRAVEL] / way
     if cycles == 0.0 or left == _LEAST:
         return 0.0
@@ -112,7 +122,8 @@ def _count(state: Array, fresh: float) -> None:
 @njit(cache=True)
 def _tire(state: Array, fresh: Array, out: Array, law: _Law) -> None:
     for k in range(fresh.size):
-        out[k] = fresh[k] * _left(state, law)
+        left = _left(state, law)
+        out[k] = fresh[k] * left + law[_REMANENT] * (left - 1.0)
         _count(state, fresh[k])
 
 
@@ -126,7 +137,7 @@ def _tire_columns(state: Array, fresh: Array, change: Columns, out: Columns, law
         step = fresh[k] - state[_POLARIZATION] if k > 0 else 0.0
         sign = np.sign(step)
         for i in range(change.shape[1]):
-            out[k, i] = left * change[k, i] - fresh[k] * worn * travel[i]
+            out[k, i] = left * change[k, i] - (fresh[k] + law[_REMANENT]) * worn * travel[i]
             if k > 0:
                 travel[i] += sign * (change[k, i] - change[k - 1, i])
         _count(state, fresh[k])
@@ -135,5 +146,6 @@ def _tire_columns(state: Array, fresh: Array, change: Columns, out: Columns, law
 @njit(cache=True)
 def _untire(state: Array, wanted: Array, fresh: Array, law: _Law) -> None:
     for k in range(wanted.size):
-        fresh[k] = wanted[k] / _left(state, law)
+        left = _left(state, law)
+        fresh[k] = (wanted[k] - law[_REMANENT] * (left - 1.0)) / left
         _count(state, fresh[k])

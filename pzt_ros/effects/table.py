@@ -116,6 +116,8 @@ EFFECTS: tuple[Effect, ...] = (
             ),  # not never: no fit finds back from there
         ),
         free=("loss", "exponent", "saturation_cycles"),
+        details=("remanent_polarization",),
+        zero="remanent_polarization",
         goes_on="cycles_before",
         absence="a stroke that shrinks with the cycles gone through and stays as it is in a pause",
         next_experiment="the same loop before and after a pause without cycling, and before and after many cycles",
