@@ -43,7 +43,7 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis:
         The best of several fits. Runs that begin driven have one or two reversals before, which the fit finds: two
         numbers are all that elements remember.
     """
-    progress("fitting elements that slip")
+    progress("fitting elements that slip" + declared.beside)
     thickness, _, (low, high) = driven(declared)
     span = (high - low) / thickness
     plain = BoucWen(layer_thickness=thickness, susceptibility=_POLARIZATION / span)
@@ -61,6 +61,14 @@ def fit_bouc_wen(declared: Hypothesis, progress: Progress) -> Hypothesis:
     ends = (low, high) if declared.staged.has_past else (low,)
     tried = (_fitted_from(declared, link, span, end) for link in starts for end in ends)
     return as_poled(_with_other_pasts(min(tried, key=lambda each: each.total), ends))
+
+
+def elements_beside(found: Hypothesis, progress: Progress, settled: float) -> Hypothesis:
+    """Elements fitted anew beside effects, from everywhere, where a run is left at more than `settled` times its noise.
+
+    Those that were fitted without an effect have bent for it, and stay so beside it.
+    """
+    return found if max(found.ratios) <= settled else fit_bouc_wen(found, progress)
 
 
 def _with_other_pasts(found: Hypothesis, ends: Sequence[float]) -> Hypothesis:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.bottom import to_the_bottom
+from pzt_ros.diagnosis.bouc_wen_base import elements_beside
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.elimination import in_question, without
@@ -102,7 +104,12 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         sooner=lambda: with_declared_kinetics(declared),
         is_lost=lambda: declared.fit.ratio > asked.in_sight and densities.leave_far_less(asked),
     )
-    on_elements = dataclasses.replace(on_flexible, thresholds=asked.on_elements(), effects=EFFECTS_ON_ELEMENTS)
+    on_elements = dataclasses.replace(
+        on_flexible,
+        thresholds=asked.on_elements(),
+        effects=EFFECTS_ON_ELEMENTS,
+        identify=partial(elements_beside, progress=progress, settled=asked.settled),
+    )
     elements = Elements(declared, on_elements)
     is_open = not (bases.is_known or search.at_floor(declared) or search.blind(declared))
     if is_open and elements.tell(asked):

@@ -53,7 +53,7 @@ def as_poled(virgin: Hypothesis, is_declared: bool = True) -> Hypothesis:
     best = min(tried, key=lambda each: each.total)
     if best.total >= virgin.total:
         return virgin
-    best = fitted(best.staged, best.vector, most_steps=_STEPS)
+    best = fitted(best.staged, best.vector, best.effects, _STEPS)
     most = (_LESS_LATELY if _were_lately(best) else _FAR_LESS) if is_declared else _LESS
     return best if best.excess <= most * virgin.excess else virgin
 

@@ -257,7 +257,7 @@ def on_relays(relays: Hypothesis, search: Search) -> Branch:
         return Branch("identified", relays, ())
     if not has_past:
         identify = partial(fit_rate_independent, progress=search.progress, workers=search.workers)
-        return _on_relays_from_rest(relays, dataclasses.replace(search, identify=identify))
+        return _on_relays_from_rest(relays, dataclasses.replace(search, identify=identify, is_at_bottom=True))
     branch = _on_density(relays, search)
     if branch.explains(search.thresholds) or search.limit.is_over():
         return branch

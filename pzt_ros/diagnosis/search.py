@@ -201,7 +201,7 @@ class Search(Seeker):
         further = self._further_promise(before) if before.effects else 0.0
         most = min(before.total - further * before.excess, before.total_at(self.thresholds.hopeless))
         candidates, refused = self._from_anywhere(before, most)
-        if self.identify is None and not self.limit.is_over():  # a density identified beside each is at its bottom
+        if not (self.is_at_bottom or self.limit.is_over()):
             candidates = polished(candidates, self.thresholds, self.workers)
         sound = [c for c in candidates if self.is_significant(c)]
         if not sound:

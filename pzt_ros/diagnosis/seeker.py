@@ -12,6 +12,7 @@ import numpy as np
 
 from pzt_ros.diagnosis.candidates import Candidate, best_of_each
 from pzt_ros.diagnosis.elimination import without
+from pzt_ros.diagnosis.elsewhere import from_elsewhere_soon
 from pzt_ros.diagnosis.finish import finished
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
@@ -46,8 +47,9 @@ class Seeker(Judge):
         sooner: those of them that are tried before the base itself, which went astray.
         is_lost: whether no origin helps, for the base is wrong; asked where no effect explains half, nor do two all.
         limit: after which what was found until then has to do.
-        identify: a density anew beside an effect, whose refit is not polished then; none where that takes long, or
-            there is nothing to identify.
+        identify: a density, or elements, anew beside an effect; none where that takes long, or there is nothing to
+            identify.
+        is_at_bottom: whether a refit comes down no more by polishing, as one on a density that is identified beside it.
     """
 
     effects: Sequence[Effect] = EFFECTS
@@ -58,6 +60,7 @@ class Seeker(Judge):
     is_lost: Callable[[], bool] = lambda: False
     limit: TimeLimit = field(default_factory=TimeLimit)
     identify: Callable[[Hypothesis], Hypothesis] | None = None
+    is_at_bottom: bool = False
 
     def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
         """The best refits of each effect, and why the rest was not refitted.
@@ -198,6 +201,7 @@ class Seeker(Judge):
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + before.beside)
         begun = refits(prospects, before.effects, self.workers)
         afters = self._from_the_best(before, prospects, begun)
+        afters = [after and from_elsewhere_soon(after, self.thresholds) for after in afters]
         tried = [(prospect, after) for prospect, after in zip(prospects, afters, strict=True) if after]
         found = [Candidate(prospect.effect.name, seen_as(before, prospect), after) for prospect, after in tried]
         if self.limit.is_over():
@@ -208,12 +212,15 @@ class Seeker(Judge):
         return [replace(candidate, after=better.get(candidate, candidate.after)) for candidate in found]
 
     def _on_own_densities(self, found: list[Candidate]) -> list[Candidate]:
-        """Refits, those that explain enough where they were fitted each on a density identified beside its effect.
+        """Refits each on a density, or on elements, identified beside its effect.
 
         One that was identified without an effect has bent for it, and so has its law of strain, which shows where it
         was not fitted: beside a creep 2.9 x the noise was left there, and 1.0 x on a density identified beside the two.
+        A density has to explain enough where it was fitted for that. Elements may only have held the refit back: beside
+        a bias field of 10 x, which they let explain 1 %, they leave the noise.
         """
-        bent = [each for each in found if each.fit_share >= self.thresholds.share]
+        least = self.thresholds.share if self.is_at_bottom else -math.inf
+        bent = [each for each in found if each.fit_share >= least]
         if self.identify is None or not bent:
             return found
         afters = self.workers.map(self.identify, [each.after for each in bent])
