@@ -35,25 +35,33 @@ def without(found: Hypothesis, name: str) -> Hypothesis | None:
         return None
 
 
-def needed_only(steps: list[Step], is_needed: Callable[[Candidate], bool]) -> list[Step]:
+def needed_only(
+    steps: list[Step],
+    is_needed: Callable[[Candidate], bool],
+    anew: Callable[[Hypothesis], Hypothesis] = lambda found: found,
+) -> list[Step]:
     """The steps, or one in their place with what is needed of several effects.
 
     The first of them explained most without the others, and may be none: a drift, which makes up for much, came before
     the bias field that explained all; another had stood for a creep and a hysteresis, and was kept beside both, at a
-    bound and with an error fifty times its value.
+    bound and with an error fifty times its value. Of two, the last may tie with a strain law: what came before it had
+    stood for that.
 
     Args:
         steps: of a search.
         is_needed: whether an effect shows itself beside the others, in what it leaves of them and without it.
+        anew: a base fitted anew where it had bent for the effects.
     """
-    final = steps[-1].after
-    if len(final.effects) < 2 or any(step.tied for step in steps):
+    final, tied = steps[-1].after, steps[-1].tied
+    is_law = len(steps) == len(final.effects) == 2 and STRAIN_LAW in tied and not steps[0].tied
+    if len(final.effects) < 2 or (any(step.tied for step in steps) and not is_law):
         return steps
     for name in final.effects[:-1]:
         bare = without(final, name)
+        bare = anew(bare) if bare is not None else None
         step = _at_once(steps[0], bare) if bare is not None and not is_needed(Candidate(name, bare, final)) else None
         if step is not None:
-            return needed_only([step], is_needed)
+            return needed_only([replace(step, tied=tied)], is_needed, anew)
     return steps
 
 

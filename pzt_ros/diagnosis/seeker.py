@@ -184,6 +184,11 @@ class Seeker(Judge):
             return found, first
         return [*found, *self._refitted(before, worth[len(first) :])], worth
 
+    @property
+    def _holds_back(self) -> bool:
+        """Whether the base bends for what is missing until a refit beside it gains little: elements that slip do."""
+        return self.identify is not None and not self.is_at_bottom
+
     def _is_worth(self, before: Hypothesis, prospect: Prospect) -> bool:
         return before.total - prospect.total > self.thresholds.promise
 
@@ -219,7 +224,7 @@ class Seeker(Judge):
         A density has to explain enough where it was fitted for that. Elements may only have held the refit back: beside
         a bias field of 10 x, which they let explain 1 %, they leave the noise.
         """
-        least = self.thresholds.share if self.is_at_bottom else -math.inf
+        least = -math.inf if self._holds_back else self.thresholds.share
         bent = [each for each in found if each.fit_share >= least]
         if self.identify is None or not bent:
             return found

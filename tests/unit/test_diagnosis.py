@@ -666,6 +666,26 @@ def test_the_second_of_two_effects_stands_alone_where_the_first_is_no_longer_nee
     assert needed_only(needed, Judge().shows_beside) == needed
 
 
+def test_an_effect_before_a_curve_that_ties_with_a_law_is_dropped_where_it_is_not_needed() -> None:
+    """A court case: elements had bent for the curve, and a hysteresis of the strain stood for that."""
+    steps = found_in_turn(hypothesis("cubic_strain_law"), "slow_relaxation", "sensor_nonlinearity")
+    tied = ("sensor_nonlinearity", "strain_law")
+    asked: list[Hypothesis] = []
+
+    def anew(found: Hypothesis) -> Hypothesis:
+        asked.append(found)
+        return found
+
+    open_ones = [steps[0], dataclasses.replace(steps[1], tied=tied)]
+    (step,) = needed_only(open_ones, Judge().shows_beside, anew)
+    assert step.after.effects == ("sensor_nonlinearity",)
+    assert step.tied == tied
+    assert [each.effects for each in asked] == [("sensor_nonlinearity",)]
+    rivals = [steps[0], dataclasses.replace(steps[1], tied=("sensor_nonlinearity", "bias_field"))]
+    assert needed_only(rivals, Judge().shows_beside, anew) == rivals
+    assert needed_only(open_ones, lambda candidate: True, anew) == open_ones
+
+
 def test_an_effect_that_two_others_make_needless_is_dropped() -> None:
     """A court case: a drift came first, and was kept beside the creep and the hysteresis that it had stood for."""
     steps = found_in_turn(hypothesis("sensor_lag+mains_hum"), "mechanical_resonance", "sensor_lag", "mains_hum")
