@@ -38,7 +38,7 @@ def without(found: Hypothesis, name: str) -> Hypothesis | None:
 def needed_only(
     steps: list[Step],
     is_needed: Callable[[Candidate], bool],
-    anew: Callable[[Hypothesis], Hypothesis] = lambda found: found,
+    anew: Callable[[Hypothesis], Hypothesis] | None = None,
 ) -> list[Step]:
     """The steps, or one in their place with what is needed of several effects.
 
@@ -50,7 +50,7 @@ def needed_only(
     Args:
         steps: of a search.
         is_needed: whether an effect shows itself beside the others, in what it leaves of them and without it.
-        anew: a base fitted anew where it had bent for the effects.
+        anew: a base fitted anew, where it had bent for the effects; none where it does not.
     """
     final, tied = steps[-1].after, steps[-1].tied
     is_law = len(steps) == len(final.effects) == 2 and STRAIN_LAW in tied and not steps[0].tied
@@ -58,7 +58,7 @@ def needed_only(
         return steps
     for name in final.effects[:-1]:
         bare = without(final, name)
-        bare = anew(bare) if bare is not None else None
+        bare = anew(bare) if anew is not None and bare is not None else bare
         step = _at_once(steps[0], bare) if bare is not None and not is_needed(Candidate(name, bare, final)) else None
         if step is not None:
             return needed_only([replace(step, tied=tied)], is_needed, anew)

@@ -293,8 +293,8 @@ def beside_the_rest(declared: Hypothesis, ceramic: Hysteresis, law: StrainLaw, o
         coordinates=(*own, *(each for each, _ in kept), *zeros),
     )
     start = staged.start
-    found = len(start) - len(zeros) - len(kept)
-    start[found : found + len(kept)] = [value for _, value in kept]
+    first = len(start) - len(zeros) - len(kept)
+    start[first : first + len(kept)] = [value for _, value in kept]
     if zeros:
         moved = _first_polarization(declared.staged, declared.vector) - _first_polarization(staged, start)
         start[-len(zeros) :] = [each.scaled(each.start + moved) for each in zeros]

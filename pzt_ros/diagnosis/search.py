@@ -186,8 +186,7 @@ class Search(Seeker):
         """The steps without what was only needed until all of them were there."""
         if steps[-1].after.fit.ratio > self.thresholds.nameable:
             return steps
-        anew = self.identify if self.identify is not None and self._holds_back else _as_it_is
-        needed = needed_only(steps, self.shows_beside, anew)
+        needed = needed_only(steps, self.shows_beside, self.identify if self._holds_back else None)
         return hysteresis_in_question(law_in_question(needed, self.thresholds), self.thresholds)
 
     def _goes_on(self, steps: Sequence[Step], base: Hypothesis) -> bool:
@@ -333,10 +332,6 @@ class Search(Seeker):
         if self.at_floor(before):
             return "nothing is left beyond the noise"
         return "no effect of the library explains what is left, where it was fitted and where it was not"
-
-
-def _as_it_is(found: Hypothesis) -> Hypothesis:
-    return found
 
 
 def _ending_at(steps: Sequence[Step], found: Hypothesis) -> list[Step]:

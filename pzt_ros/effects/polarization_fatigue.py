@@ -34,12 +34,11 @@ _REMANENT = 5
 class PolarizationFatigue(Link):
     """P less a part that grows with the cycles N gone through: the way of P so far over four reference polarizations.
 
-    The part is one of P and of the remanent polarization, for P may count from any state: displacement tells only how
-    far it is from another, and an identified density has its zero anywhere.
-
     The part is loss * n^exponent * (1 - exp(-(N/n)^exponent)), n the saturation cycles: loss * N^exponent long before
     those, and no more after them. Exponent 1 then loses the same in each cycle. N counts up to the sample before, so
-    that the inverse is exact; the difference is loss times the part of a cycle that lies between two samples.
+    that the inverse is exact; the difference is loss times the part of a cycle that lies between two samples. It is a
+    part of P and of the remanent polarization, for P may count from any state: displacement tells no zero, and an
+    identified density has its own.
 
     Runs follow one another in a stage but not in a chain: the cycles before a run's first sample are a parameter. A
     diagnosis counts them in the order in which it is given the runs, or leaves them at none, as if the stage were poled

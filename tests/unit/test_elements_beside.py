@@ -26,11 +26,17 @@ def quiet(text: str) -> None:
     """Says nothing."""
 
 
+def declared_of(spec: Spec, folder: Path) -> Hypothesis:
+    """The declared model fitted to the runs of a court's stage, without its effect."""
+    files = write_case(make_case(spec), folder)
+    train, test = ([RunData(read_csv(path), {}, 12e-9) for path in paths] for paths in (files.train, files.test))
+    return begun(load_chain(files.declared or ""), split(train, test))
+
+
 def elements_of(family: str, name: str, seed: int, folder: Path) -> Hypothesis:
     """Elements fitted without the effect, to one run of a few seconds; another chooses."""
-    files = write_case(make_case(Spec("effect_wrong", family, (name,), 10.0, "short", seed=seed)), folder)
-    train, test = ([RunData(read_csv(path), {}, 12e-9) for path in paths] for paths in (files.train, files.test))
-    return fit_bouc_wen(begun(load_chain(files.declared or ""), split(train, test)), quiet)
+    spec = Spec("effect_wrong", family, (name,), 10.0, "short", seed=seed)
+    return fit_bouc_wen(declared_of(spec, folder), quiet)
 
 
 @pytest.mark.parametrize(("name", "seed"), [("thermal_drift", 4), ("sensor_nonlinearity", 5), ("bias_field", 6)])

@@ -9,11 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pzt_benchmarks.residual_court.cases import Spec, make_case
-from pzt_benchmarks.residual_court.files import write_case
-from pzt_ros.chains import load_chain
-from pzt_ros.diagnosis.base import begun
-from pzt_ros.diagnosis.data import RunData, split
+from pzt_benchmarks.residual_court.cases import Spec
 from pzt_ros.diagnosis.flexible import beside_the_rest, fit_rate_independent
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.search import Search
@@ -22,16 +18,10 @@ from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.physics.change import Change
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.strain_law import StrainLaw
-from pzt_ros.records import read_csv
+from tests.unit.test_elements_beside import declared_of, quiet
 from tests.unit.test_fatigue_goes_on import repaired
 
 REMANENT = 0.15
-
-
-def quiet(text: str) -> None:
-    """Says nothing."""
-
-
 LINK = PolarizationFatigue(loss=0.02, saturation_cycles=5.0, remanent_polarization=REMANENT)
 
 
@@ -92,12 +82,9 @@ def test_another_ceramic_keeps_what_is_lost() -> None:
 def test_plays_that_tire_come_down_to_the_noise(tmp_path: Path) -> None:
     """A court case: on relays that count P from a third of its span below, a drift was named beside the fatigue."""
     spec = Spec("effect_wrong", "play_sum", ("polarization_fatigue",), 10.0, "slow", seed=3)
-    files = write_case(make_case(spec), tmp_path)
-    train, test = ([RunData(read_csv(path), {}, 12e-9) for path in paths] for paths in (files.train, files.test))
-    declared = begun(load_chain(files.declared or ""), split(train, test))
-    relays = fit_rate_independent(declared, quiet)
+    relays = fit_rate_independent(declared_of(spec, tmp_path), quiet)
     identify = partial(fit_rate_independent, progress=quiet)
-    search = Search(effects=(EFFECT_OF[PolarizationFatigue.kind],), identify=identify)
+    search = Search(effects=(EFFECT_OF[PolarizationFatigue.kind],), identify=identify, is_at_bottom=True)
     (found,) = search.step(relays).candidates
     assert max(relays.ratios) > 4.0
     assert max(found.after.ratios) < 1.06
