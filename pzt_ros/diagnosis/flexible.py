@@ -71,6 +71,9 @@ def fit_flexible(model: Hypothesis, progress: Progress, workers: Workers = IN_TH
     """
     progress("identifying the density" + model.beside)
     found = _lattice(model, model)
+    if not_described(found) and any(_has_past(found, number) for number in not_described(found)):
+        virgin = refitted_from(found, {number: Start() for number in _from_rest(found)}, 0)
+        found = min(found, _lattice(model, virgin), key=_total)
     if not_described(found):
         begun = [found] if max(found.ratios) <= _NEAR else [found, _lattice(model, None)]
         best = min((with_pasts_sought(each, workers) for each in begun), key=_typical)
@@ -140,6 +143,11 @@ def _choice_of(found: Hypothesis) -> Choice:
     assert isinstance(ceramic, FlexibleHysteresis)
     assert ceramic.choice is not None
     return ceramic.choice
+
+
+def _from_rest(found: Hypothesis) -> list[int]:
+    """Indices of the runs that do not begin driven."""
+    return [number for number, run in enumerate(found.staged.runs) if not run.begins_driven]
 
 
 def _has_past(found: Hypothesis, number: int) -> bool:

@@ -126,12 +126,34 @@ def test_pasts_that_leave_most_are_not_sought_further(
     first, beside, asked = stub(10.0), stub(left), []
     monkeypatch.setattr(flexible, "_lattice", lambda model, known, like=None: first)
     monkeypatch.setattr(flexible, "not_described", lambda each: [0])
+    monkeypatch.setattr(flexible, "_has_past", lambda each, number: False)
     monkeypatch.setattr(flexible, "with_pasts_sought", lambda each, workers: beside)
     monkeypatch.setattr(flexible, "_in_turn", lambda model, best, workers: asked.append(best) or best)
     monkeypatch.setattr(flexible, "fitted", lambda staged, *_: staged)
     monkeypatch.setattr(flexible, "exact", lambda each: each)
     assert fit_flexible(stub(20.0), lambda text: None) is first.staged
     assert asked == [beside] * is_sought_on
+
+
+def test_pasts_that_a_wrong_density_made_up_do_not_spoil_the_right_one() -> None:
+    """A court case: tilted thresholds, of which Gaussians took three runs of a virgin stage for poled before."""
+    rng, runs = np.random.default_rng(5), []
+    for number, turns in enumerate(TURNS):
+        drive = path(turns)
+        time = np.arange(drive.size) / RATE
+        _, out = PLANT.step(PLANT.init(Rest()), Signals(time=time, voltage=drive))
+        reading = 150e-6 * out.polarization**2 + NOISE * rng.standard_normal(drive.size)
+        columns = {"time_s": time, "voltage_V": drive, "displacement_m": reading}
+        runs.append(RunData(Record(f"run-{number}", columns), {}, NOISE))
+    parts = split(runs[:2], runs[2:])
+    wrong = {number: Start((-100.0 - 5.0 * number,), leg=2.0) for number in range(3)}
+    model = refitted_from(begun(default_chain(parts), parts), wrong, 0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flexible, "ROTATIONS", (1.0,))
+        found = fit_flexible(model, lambda text: None)
+    assert max(found.ratios[:2]) < 1.05
+    assert found.ratios[2] < 1.2
+    assert not any(found.staged.ceramic.start_of(found.vector, number).prior_voltages for number in range(3))
 
 
 def stub(ratio: float) -> Any:
