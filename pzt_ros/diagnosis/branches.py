@@ -24,6 +24,7 @@ from pzt_ros.diagnosis.other_bases import (
     Elements,
     beside_likeliest,
     on_densities,
+    on_lattice_soon,
     on_own_relays,
     on_relays,
 )
@@ -112,6 +113,9 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     )
     elements = Elements(declared, on_elements)
     is_open = not (bases.is_known or search.at_floor(declared) or search.blind(declared))
+    own = _on_own_relays_soon(elements, densities, search) if is_open else None
+    if own is not None:
+        return [_on_declared(declared, ()), own]
     if is_open and elements.tell(asked):
         return [_on_declared(declared, ()), elements.branch]  # of few numbers, and searched in seconds
     if bases.relays is not None and not search.blind(declared) and densities.tell_first(elements, asked):
@@ -134,7 +138,11 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
     declared, asked, limit = bases.declared, search.thresholds, search.limit
     beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_flexible()), asked)
     trial = dataclasses.replace(search, thresholds=asked.on_trial(), is_told=beside.tell_soon)
-    steps = trial.run(declared)
+    first = _first_far_off(declared, trial)
+    own = on_lattice_soon(first.candidates, densities, search) if first and _leaves_much(first, search) else None
+    if first and own:
+        return [_on_declared(declared, (first,)), own]
+    steps = trial.continued([first], declared) if first else trial.run(declared)
     if beside.told is not None:
         return [_on_declared(declared, tuple(steps)), beside.told]
     base = whole_instead(steps, search)
@@ -156,7 +164,8 @@ def _beside_effects(bases: Bases, elements: Elements, densities: Densities, sear
         return _begun_anew(bases._replace(declared=base, relays=None), search)
     if not search.explains(steps, declared) and densities.lattice_is_all(steps[-1].after, asked):
         return [_on_declared(declared, tuple(steps)), *on_densities(densities, asked)]
-    own = beside_likeliest(steps[0].candidates, densities, search) if is_far_off and not limit.is_over() else None
+    is_asked = is_far_off and first is None and not limit.is_over()
+    own = beside_likeliest(steps[0].candidates, densities, search) if is_asked else None
     if own is not None:
         return [_on_declared(declared, tuple(steps)), own]
     better = _better(declared, steps)
@@ -211,15 +220,36 @@ def _sooner(bases: Bases, elements: Elements, densities: Densities, search: Sear
     takes_all = not search.at_floor(declared) and any(each.takes_all for each in blind)
     if takes_all or (not bases.is_known and densities.lattice_outdoes(elements, asked)):
         return on_densities(densities, asked)
-    if left > (asked.reachable if blind else asked.elements_sooner) and elements.tell(asked):
-        return [elements.branch]
+    if left > (asked.reachable if blind else asked.elements_sooner):
+        own = None if blind else _on_own_relays_soon(elements, densities, search)
+        if own is not None:
+            return [own]
+        if elements.tell(asked):
+            return [elements.branch]
     if blind or left <= asked.rateless_sooner:
         return []
     if not densities.tell(asked):
-        own = on_own_relays(elements, densities, asked)
+        own = None if elements.leave_much(asked) else on_own_relays(elements, densities, asked)
         return [own] if own else []
     others = [] if densities.on_relays.explains(asked) else elements.branches(densities.on_relays.final, asked)
     return [densities.on_relays, *others]
+
+
+def _first_far_off(declared: Hypothesis, trial: Search) -> Step | None:
+    """The first step of a search, where it begins farther from the noise than two effects of 3 x leave a base."""
+    return trial.step(declared) if declared.fit.ratio > trial.thresholds.lattice_asked else None
+
+
+def _leaves_much(first: Step, search: Search) -> bool:
+    """Whether so much is left beside the best effect that its density may be wrong."""
+    is_near = first.after.fit.ratio <= search.thresholds.in_sight or search.explains([first], first.before)
+    return not (is_near or search.limit.is_over())
+
+
+def _on_own_relays_soon(elements: Elements, densities: Densities, search: Search) -> Branch | None:
+    """The likeliest effects each on relays of its own, where elements are too few to come near: theirs take minutes."""
+    is_asked = elements.leave_much(search.thresholds) and not search.limit.is_over()
+    return on_own_relays(elements, densities, search.thresholds) if is_asked else None
 
 
 def _with_others(branch: Branch, elements: Elements, densities: Densities, search: Search) -> list[Branch]:

@@ -12,6 +12,7 @@ from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array
+from pzt_ros.sysid.identified import MARGIN
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
 from pzt_ros.sysid.remembered import Remembered
 from pzt_ros.sysid.run import Start
@@ -108,6 +109,23 @@ class FlexiblePreisach(RateIndependentHysteresis):
     def places_of(self, number: int) -> list[int]:
         """Unknowns that belong to one run alone: none."""
         return []
+
+    def on_cells(self, resolution: int, vector: Array) -> tuple[FlexiblePreisach, Array]:
+        """The same on so many cells over its range, and its vector there."""
+        low, high = self.interaction[0], self.interaction[-1]
+        margin = MARGIN / (1.0 + 2.0 * MARGIN) * (high - low)
+        other = FlexiblePreisach(
+            self.times,
+            self.layer_thickness,
+            (low + margin, high - margin),
+            resolution=resolution,
+            initial=self.initial,
+            total=self.total,
+            starts=self.starts,
+            gain=self.gain,
+        )
+        other.rotation_strength, other.smoothness_strength = self.rotation_strength, self.smoothness_strength
+        return other, other.carried(self, vector)
 
     def stiffer(self) -> list[Hysteresis]:
         """The same with a density that is more even along constant coercive field."""

@@ -19,6 +19,7 @@ from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.bias_field import BiasField
+from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.table import EFFECTS
 from pzt_ros.effects.thermal_drift import ThermalDrift
 
@@ -45,14 +46,32 @@ class Elements:
         return fit_bouc_wen(self.declared, self.search.progress)
 
     @cached_property
+    def first(self) -> Step:
+        """The first step of the search on it."""
+        return self.search.step(self.base)
+
+    @cached_property
     def branch(self) -> Branch:
         """The search on it."""
-        return self._searched(self.base, self.search)
+        return self._searched(self.base, self.search, self.__dict__.get("first"))
 
     @property
     def searched(self) -> list[Branch]:
         """The searches that were asked for."""
         return [self.branch] if "branch" in self.__dict__ else []
+
+    @property
+    def tried(self) -> Sequence[Candidate]:
+        """The refits of that step, where the search was begun."""
+        begun = [self.first] if "first" in self.__dict__ else [step for each in self.searched for step in each.steps]
+        return begun[0].candidates if begun else ()
+
+    def leave_much(self, asked: Thresholds) -> bool:
+        """Whether they leave far less than the declared base, and yet much beside each effect: they are too few."""
+        if self.search.at_floor(self.base) or self.base.excess > asked.outdone * self.declared.excess:
+            return False
+        best = min(self.first.candidates, key=lambda each: each.after.total, default=None)
+        return best is not None and best.after.fit.ratio > asked.rateless_nameable
 
     def tell(self, asked: Thresholds) -> bool:
         """Whether they explain all, or leave far less than the declared base and are searched to near the noise."""
@@ -76,10 +95,10 @@ class Elements:
         return [self.branch] if self.base.excess <= asked.outdone * self.declared.excess else []
 
     @staticmethod
-    def _searched(base: Hypothesis, search: Search) -> Branch:
+    def _searched(base: Hypothesis, search: Search, first: Step | None = None) -> Branch:
         if search.at_floor(base):
             return Branch("none", base, ())
-        branch = Branch("none", base, tuple(search.run(base)))
+        branch = Branch("none", base, tuple(search.continued([first], base) if first else search.run(base)))
         wandering = _wandering_instead(branch, search)
         return wandering or dataclasses.replace(branch, steps=tuple(search.with_pair(branch.steps, base)))
 
@@ -257,7 +276,9 @@ def on_relays(relays: Hypothesis, search: Search) -> Branch:
         return Branch("identified", relays, ())
     if not has_past:
         identify = partial(fit_rate_independent, progress=search.progress, workers=search.workers)
-        return _on_relays_from_rest(relays, dataclasses.replace(search, identify=identify, is_at_bottom=True))
+        hidden = frozenset({StrainPolarizationHysteresis.kind})
+        search = dataclasses.replace(search, identify=identify, hidden=hidden, is_at_bottom=True)
+        return _on_relays_from_rest(relays, search)
     branch = _on_density(relays, search)
     if branch.explains(search.thresholds) or search.limit.is_over():
         return branch
@@ -360,6 +381,32 @@ def beside_likeliest(candidates: Sequence[Candidate], densities: Densities, sear
     return beside.on_own_densities({candidate.name: candidate.after for candidate in likeliest})
 
 
+def on_lattice_soon(candidates: Sequence[Candidate], densities: Densities, search: Search) -> Branch | None:
+    """The likeliest effects on a lattice, or else those beside a declared density, each on one of its own.
+
+    Far from the noise an effect beside a density that is wrong says little: of a fatigue of 10 x beside tilted
+    densities Gaussians with a bias field left least, and a lattice with the fatigue the noise, twenty seconds later.
+
+    Args:
+        candidates: tried beside the declared density.
+        densities: in its place.
+        search: beside it.
+    """
+    asked = search.thresholds
+    on_lattice = dataclasses.replace(densities.search, thresholds=asked.on_lattice())
+    if on_lattice.at_floor(densities.lattice):
+        return None
+    beside = BesideEffects(on_lattice, asked)
+    there = [c for c in on_lattice.step(densities.lattice).candidates if on_lattice.is_significant(c)]
+    here = sorted((c for c in candidates if c.after.fit.ratio <= asked.reachable), key=lambda c: -c.fit_share)
+    for some in (there, here):
+        likeliest = _likeliest([each for each in some if each.fit_share >= asked.share])
+        own = beside.on_own_densities({each.name: each.after for each in likeliest})
+        if own is not None or search.limit.is_over():
+            return own
+    return None
+
+
 def on_own_relays(elements: Elements, densities: Densities, asked: Thresholds) -> Branch | None:
     """The effects that explain most of what elements leave, each on relays of its own, where one leaves nothing.
 
@@ -367,10 +414,9 @@ def on_own_relays(elements: Elements, densities: Densities, asked: Thresholds) -
     numbers for its shape. Relays have enough, but bend: beside plays with a hysteresis of the strain of 10 x the noise
     elements left 2 to 3 x and relays 5 to 8 x, which are searched for two minutes and more; beside it, the noise.
     """
-    if not elements.searched or elements.base.excess > asked.outdone * densities.declared.excess:
+    if elements.base.excess > asked.outdone * densities.declared.excess:
         return None
-    tried = elements.branch.steps[0].candidates if elements.branch.steps else ()
-    likeliest = _likeliest([each for each in tried if each.fit_share >= asked.share])
+    likeliest = _likeliest([each for each in elements.tried if each.fit_share >= asked.share])
     search = densities.search
     found = {each.name: search.with_effects(densities.relays, [each.name]) for each in likeliest}
     return BesideEffects(search, asked).on_own_densities(found, fit_rate_independent)

@@ -31,6 +31,7 @@ _AT_ONCE = 2  # effects that are screened
 _MORE = 2  # effects beyond those that are refitted, whose shape is sought before the choice
 _MORE_THAN_ALIKE = 1.05  # times what its like promises, for a variant with numbers of each run to be refitted instead
 _NEARBY = 2.0  # times what the base leaves, up to which a place is nearby that leaves more
+_LIKELIEST = 3  # effects each tried on a density of its own, though it explains little on the one for all
 _STUCK = 0.1  # of what it promised and the best gained: a refit that gains less did not leave the base
 
 
@@ -49,6 +50,7 @@ class Seeker(Judge):
         limit: after which what was found until then has to do.
         identify: a density, or elements, anew beside an effect; none where that takes long, or there is nothing to
             identify.
+        hidden: names of effects that a base bends for until they promise nothing, which are refitted nevertheless.
         is_at_bottom: whether a refit comes down no more by polishing, as one on a density that is identified beside it.
     """
 
@@ -60,6 +62,7 @@ class Seeker(Judge):
     is_lost: Callable[[], bool] = lambda: False
     limit: TimeLimit = field(default_factory=TimeLimit)
     identify: Callable[[Hypothesis], Hypothesis] | None = None
+    hidden: frozenset[str] = frozenset()
     is_at_bottom: bool = False
 
     def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
@@ -165,6 +168,9 @@ class Seeker(Judge):
         alone = [p for p in promising if p.total <= most_alone][:1]
         worth = _one_of_alike(there, [p for p in promising if p.total <= most]) or alone
         causes = list(dict.fromkeys(p.effect.reported for p in worth))[: self.thresholds.refits]
+        hidden = [p for p in prospects if p.effect.name in self.hidden and p.effect.reported not in causes]
+        causes += [p.effect.reported for p in hidden]
+        worth += [p for p in hidden if p not in worth]
         found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes])
         for prospect in prospects:
             if prospect not in tried:
@@ -221,13 +227,15 @@ class Seeker(Judge):
 
         One that was identified without an effect has bent for it, and so has its law of strain, which shows where it
         was not fitted: beside a creep 2.9 x the noise was left there, and 1.0 x on a density identified beside the two.
-        A density has to explain enough where it was fitted for that. Elements may only have held the refit back: beside
-        a bias field of 10 x, which they let explain 1 %, they leave the noise.
+        An effect has to explain enough where it was fitted for that, or to be among the likeliest: a fatigue of 10 x
+        explained a third of what plays left, and all of it on relays beside it. Elements may only have held the refit
+        back: beside a bias field of 10 x, which they let explain 1 %, they leave the noise.
         """
+        if self.identify is None or not found:
+            return found
         least = -math.inf if self._holds_back else self.thresholds.share
         bent = [each for each in found if each.fit_share >= least]
-        if self.identify is None or not bent:
-            return found
+        bent += [each for each in sorted(found, key=lambda each: each.after.total)[:_LIKELIEST] if each not in bent]
         afters = self.workers.map(self.identify, [each.after for each in bent])
         pairs = zip(bent, afters, strict=True)
         told = {each: min(each.after, after, key=lambda found: found.total) for each, after in pairs}

@@ -61,6 +61,8 @@ class Thresholds:
         lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
             of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
+        lattice_asked: rms over noise that a declared base leaves from which effects are tried on a lattice where the
+            best beside it leaves much. (Two effects of 3 x leave less than 6.)
         lattice_is_all: share of what a search beside the declared base leaves that a lattice without an effect may
             leave for the density to be what is wrong. (Of two components it left 0.02, with a bias field of 3 x beside
             them 0.04, with a lag of 10 x 0.08.)
@@ -149,6 +151,7 @@ class Thresholds:
     rateless_as_near: float = 2.0
     lattice_sooner: float = 6.0
     lattice_outdone: float = 0.35
+    lattice_asked: float = 6.0
     lattice_is_all: float = 0.1
     rateless: float = 3.0
     shaped_less: float = 0.8

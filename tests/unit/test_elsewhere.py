@@ -14,6 +14,7 @@ from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.elsewhere import from_elsewhere
+from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.screen import Screen
 from pzt_ros.diagnosis.settings import Thresholds
@@ -107,3 +108,15 @@ def test_what_has_no_widths_is_left_as_it_is() -> None:
     assert from_elsewhere(begun, Thresholds()) is begun
     plain = from_elsewhere(begun_at(begun, 1.0, (0.4, 0.3)), Thresholds())
     assert from_elsewhere(plain, Thresholds()) is plain
+
+
+def test_relays_on_fewer_cells_are_the_same_density() -> None:
+    time = np.arange(0.0, 4.0, 1.0 / RATE)
+    voltage = 70.0 - 70.0 * np.cos(2.0 * np.pi * time) * np.exp(-0.2 * time)
+    many = FlexiblePreisach([time], 1e-4, (0.0, 1.4e6), resolution=30, initial="virgin", total=0.26)
+    few, vector = many.on_cells(10, many.start)
+    assert few.interaction[[0, -1]] == pytest.approx(many.interaction[[0, -1]])
+    assert few.start.size < 0.2 * many.start.size
+    (fine,), (coarse,) = many.polarization(many.start, [voltage]), few.polarization(vector, [voltage])
+    assert np.ptp(coarse) == pytest.approx(np.ptp(fine), rel=0.05)
+    assert np.max(np.abs(coarse - coarse.mean() - fine + fine.mean())) < 0.05 * np.ptp(fine)

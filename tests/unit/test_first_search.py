@@ -55,6 +55,8 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "lopsided_instead", lambda *_: None)
     monkeypatch.setattr(whole_runs, "whole_beside", lambda *_: None)
     monkeypatch.setattr(branches, "beside_likeliest", lambda *_: None)
+    monkeypatch.setattr(branches, "_first_far_off", lambda *_: None)
+    monkeypatch.setattr(branches, "_on_own_relays_soon", lambda *_: None)
     monkeypatch.setattr(branches, "on_own_relays", lambda *_: None)
     monkeypatch.setattr(other_bases, "told_beyond_pasts", lambda found, *_: found)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
@@ -912,6 +914,38 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
 
 
 @pytest.mark.parametrize(
+    ("lattice", "told", "asked_of"),
+    [
+        (2.6, "polarization_fatigue", [["polarization_fatigue", "thermal_drift"]]),
+        (2.6, "sensor_nonlinearity", [["polarization_fatigue", "thermal_drift"], ["imprint", "sensor_nonlinearity"]]),
+        (1.0, "polarization_fatigue", []),  # a lattice alone leaves nothing
+    ],
+)
+def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
+    monkeypatch: pytest.MonkeyPatch, lattice: float, told: str, asked_of: list[list[str]]
+) -> None:
+    """A court case: a fatigue beside tilted densities, of which Gaussians left least with a bias field."""
+
+    def refit(name: str, share: float) -> Any:
+        return SimpleNamespace(name=name, cause=name, after=leaving(4.0, 4.0), fit_share=share)
+
+    there = [refit("polarization_fatigue", 0.92), refit("thermal_drift", 0.64), refit("imprint", 0.14)]
+    here: Any = [refit("sensor_nonlinearity", 0.72), refit("imprint", 0.77), refit("thermal_drift", 0.4)]
+    own, asked = other_bases.Branch("identified", leaving(1.0, 1.0), ()), []
+    densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), search=Search(Thresholds().on_flexible()))
+    monkeypatch.setattr(Search, "step", lambda self, before: SimpleNamespace(candidates=there))
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
+
+    def on_own(self: Any, found: Any) -> Any:
+        asked.append([*found])
+        return own if told in found else None
+
+    monkeypatch.setattr(BesideEffects, "on_own_densities", on_own)
+    assert other_bases.on_lattice_soon(here, densities, Search()) is (own if asked_of else None)
+    assert asked == asked_of
+
+
+@pytest.mark.parametrize(
     ("elements", "is_searched", "shares", "asked_of"),
     [
         (2.6, True, (0.54, 0.3), ["strain_polarization_hysteresis"]),
@@ -928,8 +962,7 @@ def test_the_likeliest_effects_beside_elements_are_tried_each_on_relays_of_its_o
     names = ("strain_polarization_hysteresis", "slow_relaxation")
     pairs = zip(names, shares, strict=True)
     tried: Any = tuple(SimpleNamespace(name=name, cause=name, fit_share=share) for name, share in pairs)
-    branch = SimpleNamespace(steps=(Step(leaving(elements, elements), tried, {}, (), (), ""),))
-    slipping: Any = SimpleNamespace(searched=[branch] * is_searched, base=leaving(elements, elements), branch=branch)
+    slipping: Any = SimpleNamespace(tried=tried if is_searched else (), base=leaving(elements, elements))
     relays, own = leaving(5.4, 6.0), other_bases.Branch("identified", leaving(1.0, 1.0), ())
     densities: Any = SimpleNamespace(declared=leaving(11.0, 11.0), relays=relays, search=Search())
     bent: list[Any] = []
@@ -1106,7 +1139,7 @@ def test_elements_that_tell_all_end_the_search_where_nothing_was_declared(
     told = SimpleNamespace(final=leaving(1.0, 1.0), explains=lambda asked: tells)
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
     monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: elements)
-    monkeypatch.setattr(other_bases.Elements, "_searched", staticmethod(lambda base, search: told))
+    monkeypatch.setattr(other_bases.Elements, "_searched", staticmethod(lambda base, search, first=None: told))
     monkeypatch.setattr(branches, "_may_hide_a_past", lambda *_: False)
     asked = Thresholds() if knows else Thresholds().on_undeclared()
     bases = Bases(declared, is_known=knows)
