@@ -12,7 +12,6 @@ from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.stiffer import stiffer_of
 from pzt_ros.physics.preisach import Preisach
 from pzt_ros.physics.signals import Array
-from pzt_ros.sysid.identified import MARGIN
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
 from pzt_ros.sysid.remembered import Remembered
 from pzt_ros.sysid.run import Start
@@ -111,13 +110,19 @@ class FlexiblePreisach(RateIndependentHysteresis):
         return []
 
     def on_cells(self, resolution: int, vector: Array) -> tuple[FlexiblePreisach, Array]:
-        """The same on so many cells over its range, and its vector there."""
-        low, high = self.interaction[0], self.interaction[-1]
-        margin = MARGIN / (1.0 + 2.0 * MARGIN) * (high - low)
+        """The same density on other cells.
+
+        Args:
+            resolution: how many over its range.
+            vector: as here [shape (p,)].
+
+        Returns:
+            The relays, and the vector there [shape (q,)].
+        """
         other = FlexiblePreisach(
             self.times,
             self.layer_thickness,
-            (low + margin, high - margin),
+            self.field_range,
             resolution=resolution,
             initial=self.initial,
             total=self.total,

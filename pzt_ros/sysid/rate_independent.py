@@ -36,6 +36,7 @@ class RateIndependentHysteresis:
         names: of the coordinates.
         start: first guess; may be replaced.
         lower, upper: bounds in the fit's coordinates.
+        field_range: lowest and highest field that any run reaches [V/m].
         before: voltages that each run went through before its first sample [V, each shape (k,)]; none at first.
         weight_strength, sum_strength, smoothness_strength, rotation_strength: as IdentifiedHysteresis.
     """
@@ -70,7 +71,7 @@ class RateIndependentHysteresis:
         if any(unknown_start) or any(time.size < 2 for time in times):
             raise BenchError("preisach: every run needs two samples and a start that is known")
         self.times, self.layer_thickness, self.total, self.initial = list(times), layer_thickness, total, initial
-        self.unknown_start = list(unknown_start)
+        self.unknown_start, self.field_range = list(unknown_start), field_range
         self.before = [np.empty(0)] * len(self.times)
         low, high = field_range[0] - MARGIN * span, field_range[1] + MARGIN * span
         self.coercive = np.linspace(0.0, 0.5 * (high - low), resolution + 1)

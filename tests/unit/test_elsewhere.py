@@ -6,23 +6,29 @@ All runs are simulated.
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pzt_benchmarks.residual_court.cases import Spec
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.elsewhere import from_elsewhere
+from pzt_ros.diagnosis.flexible import fit_rate_independent
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted
 from pzt_ros.diagnosis.screen import Screen
+from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.records import Record
+from tests.unit.test_elements_beside import declared_of, quiet
 
 NOISE, RATE = 8e-9, 500.0
 LEAD, WIDTH = 0.01, 0.04
@@ -110,12 +116,25 @@ def test_what_has_no_widths_is_left_as_it_is() -> None:
     assert from_elsewhere(plain, Thresholds()) is plain
 
 
+@pytest.mark.parametrize(("family", "seed"), [("play_sum", 4), ("wedge_preisach", 3)])
+def test_relays_that_have_bent_for_it_find_a_hysteresis_of_the_strain(family: str, seed: int, tmp_path: Path) -> None:
+    """Of court stages with one of 10 x, from where a screen begins 2.0 and 2.3 x the noise were left."""
+    relays = fit_rate_independent(
+        declared_of(Spec("effect_wrong", family, (KIND,), 10.0, "short", seed=seed), tmp_path), quiet
+    )
+    identify = partial(fit_rate_independent, progress=quiet)
+    search = Search(effects=(EFFECT_OF[KIND],), identify=identify, is_at_bottom=True)
+    (found,) = search.step(relays).candidates
+    assert max(relays.ratios) > 2.5
+    assert max(found.after.ratios) < 1.04
+
+
 def test_relays_on_fewer_cells_are_the_same_density() -> None:
     time = np.arange(0.0, 4.0, 1.0 / RATE)
     voltage = 70.0 - 70.0 * np.cos(2.0 * np.pi * time) * np.exp(-0.2 * time)
     many = FlexiblePreisach([time], 1e-4, (0.0, 1.4e6), resolution=30, initial="virgin", total=0.26)
     few, vector = many.on_cells(10, many.start)
-    assert few.interaction[[0, -1]] == pytest.approx(many.interaction[[0, -1]])
+    assert few.interaction[[0, -1]].tolist() == many.interaction[[0, -1]].tolist()  # or none has its weight
     assert few.start.size < 0.2 * many.start.size
     (fine,), (coarse,) = many.polarization(many.start, [voltage]), few.polarization(vector, [voltage])
     assert np.ptp(coarse) == pytest.approx(np.ptp(fine), rel=0.05)

@@ -913,6 +913,52 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
     assert all(place.effects == (name,) for name, place in found.items())
 
 
+@pytest.mark.parametrize("hidden", [(), ("strain_polarization_hysteresis",)])
+def test_what_a_base_has_bent_for_is_refitted_whatever_it_promises(
+    monkeypatch: pytest.MonkeyPatch, hidden: tuple[str, ...]
+) -> None:
+    """A court case: of a hysteresis beside a wedge of relays the screen saw less than of four that explain nothing."""
+    before, refitted = leaving(4.0, 4.0), []
+    before.staged = SimpleNamespace(chain=SimpleNamespace(links=()), runs=[])
+    promises = {"sensor_lag": 3.0, "thermal_drift": 2.0, "mains_hum": 1.0, "strain_polarization_hysteresis": 0.0}
+
+    def best(effect: Any) -> Any:
+        return SimpleNamespace(effect=effect, total=before.total - promises[effect.name])
+
+    monkeypatch.setattr(seeker, "Screen", lambda seen: SimpleNamespace(best=best, refined=lambda prospect: prospect))
+    monkeypatch.setattr(
+        Search,
+        "_refitted_in_turn",
+        lambda self, base, worth: refitted.extend(p.effect.name for p in worth) or ([], worth),
+    )
+    effects = tuple(EFFECT_OF[name] for name in promises)
+    Search(Thresholds(refits=2), effects=effects, hidden=frozenset(hidden))._candidates(before, before)
+    assert refitted == ["sensor_lag", "thermal_drift", *hidden]
+
+
+@pytest.mark.parametrize(
+    ("elements", "beside", "is_much"),
+    [
+        (4.0, 2.0, True),
+        (4.0, 1.4, False),  # near the noise beside an effect: they are searched
+        (8.0, 2.0, False),  # hardly better than what was declared
+        (1.0, 1.0, False),
+    ],
+)
+def test_elements_that_leave_much_beside_each_effect_are_too_few(
+    monkeypatch: pytest.MonkeyPatch, elements: float, beside: float, is_much: bool
+) -> None:
+    candidates = tuple(
+        SimpleNamespace(name=name, after=leaving(left, left)) for name, left in (("a", 5.0), ("b", beside))
+    )
+    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(elements, elements))
+    monkeypatch.setattr(Search, "step", lambda self, before: SimpleNamespace(candidates=candidates))
+    slipping = other_bases.Elements(leaving(11.0, 11.0), Search())
+    assert slipping.tried == ()  # nothing was asked for yet
+    assert slipping.leave_much(Thresholds()) is is_much
+    assert slipping.tried == (candidates if 1.0 < elements < 8.0 else ())
+
+
 @pytest.mark.parametrize(
     ("lattice", "told", "asked_of"),
     [

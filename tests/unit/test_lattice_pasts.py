@@ -136,7 +136,7 @@ def test_pasts_that_leave_most_are_not_sought_further(
 
 
 def test_pasts_that_a_wrong_density_made_up_do_not_spoil_the_right_one() -> None:
-    """A court case: tilted thresholds, of which Gaussians took three runs of a virgin stage for poled before."""
+    """As of a court case, tilted thresholds, of which Gaussians took three runs of a virgin stage for poled before."""
     rng, runs = np.random.default_rng(5), []
     for number, turns in enumerate(TURNS):
         drive = path(turns)
