@@ -11,6 +11,7 @@ from pzt_ros.diagnosis.bottom import to_the_bottom
 from pzt_ros.diagnosis.bouc_wen_base import elements_beside
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
+from pzt_ros.diagnosis.density_alone import density_alone
 from pzt_ros.diagnosis.elimination import in_question, without
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside
@@ -56,6 +57,8 @@ def branches_of(
     else:
         asked = asked.on_shaped() if is_shaped(bases.declared) else asked
         found = _searched(bases, asked, progress, workers, limit)
+        on_lattice = Search(asked.on_lattice(), progress=progress, workers=workers, limit=limit)
+        found = [density_alone(branch, on_lattice) for branch in found]
     found = [dataclasses.replace(branch, steps=tuple(in_question(branch.steps))) for branch in found]
     return [_trusted(branch, found, asked, limit) for branch in found]
 

@@ -21,6 +21,7 @@ from pzt_ros.diagnosis.elsewhere import from_elsewhere
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
+from pzt_ros.diagnosis.formula import identified_about, is_formula_off
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -36,15 +37,19 @@ _IDENTIFIED_BY: dict[type, Callable[[Hypothesis, Progress], Hypothesis]] = {
 def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData], asked: Thresholds) -> Hypothesis:
     """The model from elsewhere, its density identified anew, where that leaves less of all parts; else as it is.
 
+    A density with a formula is as it was declared where it leaves no more than noise, or far more than that.
+
     Args:
         found: fitted to the parts that chose or not.
         runs: as they were divided.
         asked: of an effect.
     """
     staged = found.staged
-    identify = _IDENTIFIED_BY.get(type(staged.ceramic))
-    if not (found.effects and identify) or any(run.wander for run in staged.runs):
+    if not found.effects or any(run.wander for run in staged.runs):
         return found
+    identify = _IDENTIFIED_BY.get(type(staged.ceramic))
+    if identify is None:
+        return identified_about(found) if is_formula_off(found, asked) else found
     divided = [replace(run, picks=whole.picks) for run, whole in zip(staged.runs, runs, strict=True)]
     begun = found if found.choosing else _refitted(found, divided)
     if not begun.choosing:
@@ -54,6 +59,11 @@ def identified_beside_effects(found: Hypothesis, runs: Sequence[RunData], asked:
         best = from_elsewhere(begun, asked)
         best = min((best, identify(best, lambda text: None)), key=lambda each: each.total)
     return found if best is begun else best
+
+
+def is_identified(found: Hypothesis) -> bool:
+    """Whether its density has no formula."""
+    return type(found.staged.ceramic) in _IDENTIFIED_BY
 
 
 def fitted_to_all(found: Hypothesis) -> Hypothesis:

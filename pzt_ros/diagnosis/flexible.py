@@ -7,8 +7,9 @@ lattice, and relays that know no rate.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,11 @@ from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
+from pzt_ros.physics.density import equally_spaced
 from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.identified_hats import gathered
 from pzt_ros.physics.link import Link
+from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
 from pzt_ros.physics.strain import Electrostriction
 from pzt_ros.physics.strain_hysteresis import StrainHysteresis
@@ -47,6 +51,7 @@ _PASTS_LEAVE = 0.25
 for it: of runs with a past they left 0.1 and less, of a creep and a fatigue of 10 x 0.6 and more, of a creep of 5 x
 beside plays 0.35."""
 _TYPICALLY_LEAVE = 0.5  # the same of the rms over noise of a typical run
+_NODES, _CUT = 4, 6.0  # of a formula's density in a cell of a lattice, and standard deviations of it
 _NEAR = 2.0  # rms over noise up to which a density that the pasts of a model suit is where a search for others begins
 
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
@@ -83,6 +88,25 @@ def fit_flexible(model: Hypothesis, progress: Progress, workers: Workers = IN_TH
     return exact(fitted(found.staged, found.vector, found.effects, _STEPS))
 
 
+def fit_about(model: Hypothesis) -> Hypothesis:
+    """The same in place of a polycrystal that is nearly right: with its pasts, and its density where no run tells."""
+    polycrystal = next(link for link in model.staged.chain_at(model.vector).links if isinstance(link, Polycrystal))
+    found = _lattice(model, model, believed=partial(_shares_of, polycrystal))
+    return exact(fitted(found.staged, found.vector, found.effects, _STEPS))
+
+
+def _shares_of(polycrystal: Polycrystal, grid: Array) -> Array:
+    """What the hats of a lattice weigh as the densities of a polycrystal have it [-, shape (nodes,)]."""
+    step = float(np.min(np.diff(grid))) / _NODES
+    coercive, interaction = (
+        equally_spaced(each, step, _CUT) for each in (polycrystal.coercive, polycrystal.interaction)
+    )
+    barrier, field = np.meshgrid(coercive[0], interaction[0], indexing="ij")
+    weight = np.outer(coercive[1], interaction[1])
+    up, down = barrier - field, -barrier - field
+    return gathered(up.ravel(), down.ravel(), weight.ravel(), grid)
+
+
 def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothesis:
     """A lattice identified beside the pasts that were sought beside it, and so on, until little is gained.
 
@@ -101,13 +125,19 @@ def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothes
     return found
 
 
-def _lattice(model: Hypothesis, known: Hypothesis | None, like: Hypothesis | None = None) -> Hypothesis:
+def _lattice(
+    model: Hypothesis,
+    known: Hypothesis | None,
+    like: Hypothesis | None = None,
+    believed: Callable[[Array], Array] | None = None,
+) -> Hypothesis:
     """The same with the pasts that are known; without, from samples that none reaches.
 
     Args:
         model: in whose place it is fitted.
         known: whose pasts these are.
         like: as fine and smooth a density, and the same law, as this; where None, they are compared.
+        believed: shares of the hats on a grid, with which the density stays where the runs do not tell.
     """
     runs = less_effects(model)
     thickness, voltages, reached = driven(model)
@@ -117,7 +147,7 @@ def _lattice(model: Hypothesis, known: Hypothesis | None, like: Hypothesis | Non
     pasts = [driven_before(start, gain) for start in starts] if known else []
     parts = parts_of(runs, voltages, unknown, pasts)
     parts = parts if known else wiped_out(parts)
-    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached)
+    fit = IdentifiedFit(thickness, rotations=ROTATIONS, orders=ORDERS, voltage_range=reached, believed=believed)
     found = (fit.only(_choice_of(like)) if like else fit).fit(*parts)
     base: Any = found.problem.base
     scale = _scale_of(found, model)
@@ -132,6 +162,7 @@ def _lattice(model: Hypothesis, known: Hypothesis | None, like: Hypothesis | Non
     )
     flexible.starts, flexible.gain, flexible.choice = tuple(starts), gain, found.choices[0]
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
+    flexible.believed = base.believed
     fitted_ones = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
     flexible.start[:fitted_ones] = found.vector[:fitted_ones]
     flexible.start[base.polarized] *= scale

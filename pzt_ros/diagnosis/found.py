@@ -32,7 +32,7 @@ def found_effects(
         if candidate.after is chosen.final:
             now = reached.after
         else:
-            last = last_fit(candidate.after, chosen.density, runs, asked, reached.anew)
+            last = last_fit(candidate.after, runs, asked, reached.anew)
             now = errors_of(model_of(last, "step", command), runs)
         own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
         place = EFFECT_OF[candidate.cause].place

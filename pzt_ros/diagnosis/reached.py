@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.data import SCORE, RunData
-from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
+from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects, is_identified
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.reach_of_pasts import with_short_pasts
@@ -49,7 +49,7 @@ def reached_of(
     """
     ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
     anew = not limit.is_over()
-    fits = list(workers.map(last_fit, ends, repeat(chosen.density), repeat(runs), repeat(asked), repeat(anew)))
+    fits = list(workers.map(last_fit, ends, repeat(runs), repeat(asked), repeat(anew)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
     before, after = errors[0], errors[-1]
@@ -69,12 +69,10 @@ def reached_of(
     return Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,), anew)
 
 
-def last_fit(
-    found: Hypothesis, density: str, runs: Sequence[RunData], asked: Thresholds, anew: bool = True
-) -> Hypothesis:
+def last_fit(found: Hypothesis, runs: Sequence[RunData], asked: Thresholds, anew: bool = True) -> Hypothesis:
     """As it is written down, fitted to all that may be seen where that changes it, its density identified anew or not.
 
     Declared densities have too few parameters; what goes on from run to run is known best by the last of them.
     """
     found = identified_beside_effects(found, runs, asked) if anew else found
-    return with_short_pasts(fitted_to_all(found) if density == "identified" or found.staged.given else found)
+    return with_short_pasts(fitted_to_all(found) if is_identified(found) or found.staged.given else found)

@@ -57,6 +57,8 @@ class IdentifiedHysteresis:
         rotation_strength: of differences of the density along constant coercive field; 0: none.
         occupancy_strength: of the distance from 1/2 of an unknown occupancy.
         kinetics_strength: of the three logarithms about `start`: holds them where the runs do not tell.
+        believed: weights over those of an even density from which ridge, smoothness and rotation count what differs
+            [-, shape (nodes,)]; none of them unless `believe` was asked to.
     """
 
     def __init__(
@@ -108,7 +110,19 @@ class IdentifiedHysteresis:
         fine = self.grid[0] + (np.arange(_FINE) + 0.5) / _FINE * (self.grid[-1] - self.grid[0])
         sums = hat_sums(hats_of(fine, self.grid))
         self._even = total * sums / sums.sum()
+        self.believed: Array = np.zeros(self._even.size)
         self._describe(low, high)
+
+    def believe(self, shares: Array) -> None:
+        """Begin with a density, and stay with it where the runs do not tell.
+
+        Args:
+            shares: of its hats, in any unit [shape (nodes,)].
+        """
+        inside = self._inside
+        scale = float(inside @ self._even) / float(inside @ shares)
+        self.believed = scale * shares / self._even
+        self.start[WEIGHTS : self.shared] = scale * shares
 
     def _describe(self, low: float, high: float) -> None:
         self.field_range, span = (low, high), high - low
@@ -330,17 +344,17 @@ class IdentifiedHysteresis:
             blocks.append((rows, strengths @ target))
 
         weights = slice(WEIGHTS, WEIGHTS + nodes)
-        relative = np.diag(1.0 / self._even)
+        relative, believed = np.diag(1.0 / self._even), self.believed * self._even
         kinetics = slice(LOG_TIME, LOG_SETTLING + 1)
         add(self.kinetics_strength * np.eye(3), kinetics, self.start[kinetics])
-        add(self.weight_strength * relative, weights, np.zeros(nodes))
+        add(self.weight_strength * relative, weights, believed)
         add(self.sum_strength / self.total * self._inside[None, :], weights, self._even)
         for strength, rows in (
             (self.smoothness_strength, _curvatures(self.grid.size)),
             (self.rotation_strength, _rotations(self.grid.size)),
         ):
             if strength > 0.0:
-                add(strength * rows @ relative, weights, np.zeros(nodes))
+                add(strength * rows @ relative, weights, believed)
         free = count - WEIGHTS - nodes
         add(self.occupancy_strength * np.eye(free), slice(count - free, count), np.full(free, 0.5))
         return np.vstack([rows for rows, _ in blocks]), np.concatenate([target for _, target in blocks])

@@ -109,6 +109,7 @@ class IdentifiedFit:
         fine_lines: of the fine lattice over what is driven, during the search and at most at the end.
         voltage_range: that the density has to cover [V]; None: what the runs reach.
         base: what is identified, the lattice or another.
+        believed: shares of a lattice's hats on its grid, with which it stays where the runs do not tell.
         progress: is told what is being done and the residual over noise.
     """
 
@@ -124,6 +125,7 @@ class IdentifiedFit:
     fine_lines: tuple[int, int] = (80, 200)
     voltage_range: tuple[float, float] | None = None
     base: Callable[..., IdentifiedBase] = IdentifiedHysteresis
+    believed: Callable[[Array], Array] | None = None
     progress: Callable[[str, float], None] = lambda what, error: None
 
     def only(self, choice: Choice) -> IdentifiedFit:
@@ -232,6 +234,8 @@ class IdentifiedFit:
             fine_lines=fine_lines,
         )
         base.rotation_strength, base.smoothness_strength = choice.rotation, self.smoothness
+        if self.believed is not None and isinstance(base, IdentifiedHysteresis):
+            base.believe(self.believed(base.grid))
         return IdentifiedProblem(base, runs, order=choice.order, lag=self.lag, drift=self.drift)
 
 

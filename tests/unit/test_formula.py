@@ -1,0 +1,160 @@
+"""A density with a formula that is off by a little, and one that is identified about it; court stages, simulated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pzt_benchmarks.residual_court.cases import Case, Spec, make_case
+from pzt_benchmarks.residual_court.files import declared_chain
+from pzt_ros.chains import load_chain
+from pzt_ros.diagnosis import density_alone as alone
+from pzt_ros.diagnosis import formula
+from pzt_ros.diagnosis.base import begun
+from pzt_ros.diagnosis.branch import Branch
+from pzt_ros.diagnosis.data import RunData, split
+from pzt_ros.diagnosis.density_alone import density_alone
+from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
+from pzt_ros.diagnosis.floor import with_floors
+from pzt_ros.diagnosis.formula import is_formula_off
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
+from pzt_ros.diagnosis.outcome import model_of
+from pzt_ros.diagnosis.reached import last_fit
+from pzt_ros.diagnosis.search import Search
+from pzt_ros.diagnosis.settings import Thresholds
+from pzt_ros.diagnosis.shaped import shaped
+from pzt_ros.physics.identified_hats import accumulate, gathered, hats_of, node_count, relay_thresholds
+from pzt_ros.physics.signals import Array
+from pzt_ros.records import Record
+from pzt_ros.sysid.predict import predict
+
+NOISE, EVERY = 12e-9, 4
+
+
+def made(family: str, *effects: str) -> Case:
+    return make_case(Spec("effect_wrong", family, effects, 3.0 if effects else 0.0, protocol="slow", seed=4))
+
+
+def thinned(name: str, columns: dict[str, Array]) -> Record:
+    return Record(name, {key: values[::EVERY] for key, values in columns.items()})
+
+
+def beside(case: Case, tmp_path: Any) -> tuple[Hypothesis, list[RunData]]:
+    """Densities with free shapes, beside what is hidden."""
+    train = [thinned(f"train {k}", columns) for k, columns in enumerate(case.train)]
+    test = [thinned("test", columns) for columns in case.test]
+    runs = split(with_floors(train), with_floors(test))
+    (tmp_path / "declared.yaml").write_text(declared_chain(case), encoding="utf-8")
+    base = exact(shaped(begun(load_chain(tmp_path / "declared.yaml"), runs)))
+    return (Search().with_effects(base, list(case.spec.effects)) if case.spec.effects else base), runs
+
+
+def left(found: Hypothesis, case: Case) -> float:
+    """Rms over noise of a run that no fit saw."""
+    return float(predict(model_of(found, "model", ""), thinned("score", case.score[0])).rms / NOISE)
+
+
+def test_the_model_has_an_identified_density_where_that_of_a_formula_is_off(tmp_path: Any) -> None:
+    """Two shapes come near tails that are heavy, and name a drift, but are off where runs go that nobody saw."""
+    case = made("heavy_tailed", "thermal_drift")
+    found, runs = beside(case, tmp_path)
+    assert is_formula_off(found, Thresholds())
+    last = last_fit(found, runs, Thresholds())
+    assert isinstance(last.staged.ceramic, FlexibleHysteresis)
+    assert last.effects == ("thermal_drift",)
+    assert left(found, case) > 1.2
+    assert left(last, case) < 1.1
+
+
+def test_a_null_needs_no_effect_beside_the_density(tmp_path: Any) -> None:
+    """A court case: a hysteresis of the strain that was not there took what the shapes were off by."""
+    case = made("heavy_tailed")
+    found, runs = beside(case, tmp_path)
+    named = Search().with_effects(found, ["strain_polarization_hysteresis"])
+    branch = branch_of(found, named)
+    instead = density_alone(branch, Search(Thresholds().on_lattice()))
+    assert (instead.density, instead.final.effects) == ("identified", ())
+    before, after = left(found, case), left(last_fit(instead.final, runs, Thresholds()), case)
+    assert after < 1.0 + 0.7 * (before - 1.0)
+
+
+def branch_of(base: Any, final: Any) -> Branch:
+    step: Any = SimpleNamespace(before=base, after=final, accepted=(), tied=())
+    return Branch("shaped", base, (step,))
+
+
+@pytest.mark.parametrize(
+    ("base", "final", "is_asked"),
+    [
+        ((1.06, 0.2), (1.01, 0.9), True),
+        ((2.5, 0.01), (1.04, 0.3), True),
+        ((2.5, 0.01), (1.01, 0.9), False),  # nothing speaks against the density beside the effect
+        ((3.5, 0.01), (1.04, 0.3), False),  # no density is off by so much
+        ((1.06, 1.0), (1.01, 1.0), False),
+    ],
+)
+def test_a_density_alone_is_asked_for_where_the_formula_is_off(
+    monkeypatch: pytest.MonkeyPatch, base: tuple[float, float], final: tuple[float, float], is_asked: bool
+) -> None:
+    asked = []
+    monkeypatch.setattr(alone, "is_formula_off", lambda each, _: is_off(each))
+    monkeypatch.setattr(alone, "identified_about", lambda each: asked.append(each) or each)
+    branch = branch_of(leaving(*base), leaving(*final, ("sensor_lag",)))
+    assert density_alone(branch, Search()) is branch  # what comes of it is no better
+    assert bool(asked) is is_asked
+
+
+def leaving(ratio: float, tells: float, effects: tuple[str, ...] = ()) -> Any:
+    """What is asked of a hypothesis that leaves so many times the noise, and of how many samples tell something."""
+    part = SimpleNamespace(ratio=ratio, samples=1000, effective=1000 * tells, total=1000 * ratio**2)
+    return SimpleNamespace(fit=part, selection=part, ratios=[ratio], effects=effects)
+
+
+def is_off(found: Any) -> bool:
+    return bool(found.fit.effective < 800 and max(found.ratios) <= 1.15)
+
+
+@pytest.mark.parametrize(("fit", "selection", "is_taken"), [(0.9, 0.9, True), (0.9, 1.01, False), (1.01, 0.9, False)])
+def test_an_identified_density_is_taken_where_both_parts_speak_for_it(
+    monkeypatch: pytest.MonkeyPatch, fit: float, selection: float, is_taken: bool
+) -> None:
+    found = leaving(1.0, 0.5)
+    other = SimpleNamespace(fit=leaving(fit, 1.0).fit, selection=leaving(selection, 1.0).selection)
+    monkeypatch.setattr(formula, "fit_about", lambda each: other)
+    assert (formula.identified_about(found) is other) is is_taken
+
+
+def test_a_right_formula_stays(tmp_path: Any) -> None:
+    found, runs = beside(made("gaussian", "mains_hum"), tmp_path)
+    assert not is_formula_off(found, Thresholds())
+    assert type(last_fit(found, runs, Thresholds()).staged.ceramic) is type(found.staged.ceramic)
+
+
+def test_relays_are_gathered_as_the_lattice_gathers_its_own() -> None:
+    rng = np.random.default_rng(5)
+    lines = np.linspace(-1.0, 1.5, 60)
+    grid = np.array([-1.2, -0.7, 0.1, 0.6, 1.7])
+    weight = rng.random(lines.size**2 // 4)
+    expected = np.empty(node_count(grid.size))
+    accumulate(weight, hats_of(lines, grid), np.zeros((grid.size, 2, (lines.size + 1) // 2)), expected)
+    up, down = relay_thresholds(lines)
+    np.testing.assert_allclose(gathered(up, down, weight, grid), expected, rtol=1e-12)
+    beyond = gathered(np.append(up, 1.8), np.append(down, 0.0), np.append(weight, 9.0), grid)
+    np.testing.assert_allclose(beyond, expected, rtol=1e-12)
+
+
+def test_a_believed_density_costs_nothing() -> None:
+    """Where no run tells, ridge, smoothness and rotation leave a lattice with what is believed of it."""
+    times = [np.linspace(0.0, 1.0, 50)]
+    lattice = FlexibleHysteresis(times, 1e-4, (-1e6, 1e6), unknown_start=[False], resolution=8)
+    shares = np.random.default_rng(7).random(lattice.shared - 4)
+    lattice.rotation_strength = 10.0
+    lattice.believe(shares)
+    rows, targets = lattice.regularisation()
+    np.testing.assert_allclose(rows @ lattice.start, targets, atol=1e-8)
+    believed = lattice.weights(lattice.start)
+    np.testing.assert_allclose(believed / believed.sum(), shares / shares.sum())
+    assert not np.allclose(rows @ (1.1 * lattice.start), targets, atol=1e-3)
