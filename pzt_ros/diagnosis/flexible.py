@@ -7,6 +7,7 @@ lattice, and relays that know no rate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -79,13 +80,24 @@ def fit_flexible(model: Hypothesis, progress: Progress, workers: Workers = IN_TH
     if not_described(found) and any(_has_past(found, number) for number in not_described(found)):
         virgin = refitted_from(found, {number: Start() for number in _from_rest(found)}, 0)
         found = min(found, _lattice(model, virgin), key=_total)
-    if not_described(found):
-        begun = [found] if max(found.ratios) <= _NEAR else [found, _lattice(model, None)]
+    beyond = _lattice(model, None) if not_described(found) and max(found.ratios) > _NEAR else None
+    if not_described(found) and (beyond is None or _pasts_may_tell(found, beyond)):
+        begun = [found] if beyond is None else [found, beyond]
         best = min((with_pasts_sought(each, workers) for each in begun), key=_typical)
         is_less = best.excess <= _PASTS_LEAVE * found.excess or _typical(best) <= _TYPICALLY_LEAVE * _typical(found)
         tell = best is not found and is_less
         found = _lattice(model, _in_turn(model, best, workers)) if tell else found
     return exact(fitted(found.staged, found.vector, found.effects, _STEPS))
+
+
+def _pasts_may_tell(found: Hypothesis, beyond: Hypothesis) -> bool:
+    """Whether a lattice leaves so little of the samples that no past reaches that pasts may tell the others.
+
+    Else something else is missing, and to seek them takes a minute in vain.
+    """
+    left = _choice_of(beyond).both / math.sqrt(2.0)
+    excess = found.total_at(left) - found.total_at(1.0)
+    return excess <= _PASTS_LEAVE * found.excess or left <= _TYPICALLY_LEAVE * _typical(found)
 
 
 def fit_about(model: Hypothesis) -> Hypothesis:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
-from pzt_ros.diagnosis.beside_effects import BesideEffects
+from pzt_ros.diagnosis.beside_effects import BesideEffects, Identify
 from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
@@ -20,7 +20,7 @@ from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.undeclared import Bases
 from pzt_ros.effects.bias_field import BiasField
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
-from pzt_ros.effects.table import EFFECTS
+from pzt_ros.effects.table import EFFECTS, LATE
 from pzt_ros.effects.thermal_drift import ThermalDrift
 
 _OWN = 2  # effects that are tried each on a lattice of its own
@@ -355,7 +355,7 @@ def _on_own_lattices(flexible: Hypothesis, first: Step, beside: BesideEffects) -
     """
     asked = beside.asked
     worth = [c for c in first.candidates if beside.search.is_significant(c) and c.share >= asked.share]
-    return beside.on_own_densities({c.name: beside.search.with_effects(flexible, [c.name]) for c in _likeliest(worth)})
+    return _on_own_densities(beside, worth, lambda each: beside.search.with_effects(flexible, [each.name]))
 
 
 def beside_likeliest(candidates: Sequence[Candidate], densities: Densities, search: Search) -> Branch | None:
@@ -376,9 +376,8 @@ def beside_likeliest(candidates: Sequence[Candidate], densities: Densities, sear
         return None
     if search.limit.is_over(densities.lattice_takes):
         return None
-    likeliest = _likeliest(sorted(worth, key=lambda candidate: -candidate.fit_share))
     beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_lattice()), asked)
-    return beside.on_own_densities({candidate.name: candidate.after for candidate in likeliest})
+    return _on_own_densities(beside, sorted(worth, key=lambda candidate: -candidate.fit_share), _as_tried)
 
 
 def on_lattice_soon(candidates: Sequence[Candidate], densities: Densities, search: Search) -> Branch | None:
@@ -397,11 +396,11 @@ def on_lattice_soon(candidates: Sequence[Candidate], densities: Densities, searc
     if on_lattice.at_floor(densities.lattice):
         return None
     beside = BesideEffects(on_lattice, asked)
-    there = [c for c in on_lattice.step(densities.lattice).candidates if on_lattice.is_significant(c)]
+    glance = dataclasses.replace(densities.search, thresholds=asked.at_a_glance())
+    there = [c for c in glance.beside(densities.lattice) if glance.is_significant(c)]
     here = sorted((c for c in candidates if c.after.fit.ratio <= asked.reachable), key=lambda c: -c.fit_share)
     for some in (there, here):
-        likeliest = _likeliest([each for each in some if each.fit_share >= asked.share])
-        own = beside.on_own_densities({each.name: each.after for each in likeliest})
+        own = _on_own_densities(beside, [each for each in some if each.fit_share >= asked.share], _as_tried)
         if own is not None or search.limit.is_over():
             return own
     return None
@@ -416,13 +415,33 @@ def on_own_relays(elements: Elements, densities: Densities, asked: Thresholds) -
     """
     if elements.base.excess > asked.outdone * densities.declared.excess:
         return None
-    likeliest = _likeliest([each for each in elements.tried if each.fit_share >= asked.share])
-    search = densities.search
-    found = {each.name: search.with_effects(densities.relays, [each.name]) for each in likeliest}
-    return BesideEffects(search, asked).on_own_densities(found, fit_rate_independent)
+    worth = [each for each in elements.tried if each.fit_share >= asked.share]
+    search, relays = densities.search, densities.relays
+    beside = BesideEffects(search, asked)
+    return _on_own_densities(beside, worth, lambda each: search.with_effects(relays, [each.name]), fit_rate_independent)
 
 
-def _likeliest(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The first of them, each of another cause: two variants of an effect are no two answers."""
-    best_of_cause = {each.cause: each for each in reversed(candidates)}
-    return [each for each in candidates if best_of_cause[each.cause] is each][:_OWN]
+def _on_own_densities(
+    beside: BesideEffects,
+    worth: Sequence[Candidate],
+    begun: Callable[[Candidate], Hypothesis],
+    identify: Identify = fit_flexible,
+) -> Branch | None:
+    """The first of them each on a density of its own, of another cause each: two variants are no two answers.
+
+    Args:
+        beside: the search there.
+        worth: it, the likeliest first; the others are tried on the density of one that is as late.
+        begun: where a candidate begins.
+        identify: a density.
+    """
+    best_of_cause = {each.cause: each for each in reversed(worth)}
+    each_cause = [each for each in worth if best_of_cause[each.cause] is each]
+    late = [each for each in each_cause if each.name in LATE]
+    likeliest = [each for each in each_cause if each not in late[1:]][:_OWN]
+    others = [each.name for each in each_cause if each not in likeliest]
+    return beside.on_own_densities({each.name: begun(each) for each in likeliest}, identify, others)
+
+
+def _as_tried(candidate: Candidate) -> Hypothesis:
+    return candidate.after

@@ -229,6 +229,10 @@ class Thresholds:
         """The same where the flexible base is a lattice: what its density is off by must not hide an effect."""
         return replace(self.on_flexible(), informed_share=self.flexible_share)
 
+    def at_a_glance(self) -> Thresholds:
+        """The same of refits that only say which effects are likeliest there: none goes on for minutes."""
+        return replace(self.on_lattice(), finish_share=math.inf)
+
     def on_all_seen(self) -> Thresholds:
         """What is asked on a density that was fitted to what chose, too: nothing is left that decides between two."""
         return replace(

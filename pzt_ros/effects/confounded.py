@@ -4,6 +4,9 @@ from __future__ import annotations
 
 _SHARP = "small steps, short tall pulses and a chirp, sampled at ten times the suspected corner or faster"
 _LATE = ("sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "amplifier_current_limit")
+LATE = frozenset(_LATE[:3])
+"""Effects that make a reading late by a while: a density identified beside one of them is nearly right for all."""
+
 _HEIGHTS = "Run steps of two heights, one five times the other: with a limit the time to settle grows with the height."
 _RINGS = f"Run {_SHARP}: a mode overshoots, a lag does not."
 _DECADES = "Run the same loop at three frequencies, a decade apart, and a step with a hold"

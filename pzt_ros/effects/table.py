@@ -9,7 +9,7 @@ from pzt_ros.effects.amplifier_bandwidth import AmplifierBandwidth
 from pzt_ros.effects.amplifier_charge_limit import AmplifierChargeLimit
 from pzt_ros.effects.amplifier_current_limit import AmplifierCurrentLimit
 from pzt_ros.effects.bias_field import BiasField
-from pzt_ros.effects.confounded import CONFOUNDED
+from pzt_ros.effects.confounded import CONFOUNDED, LATE
 from pzt_ros.effects.cross_coupling import CrossCoupling
 from pzt_ros.effects.effect import AT_COMMAND, AT_DISPLACEMENT, AT_FIELD, AT_POLARIZATION, AT_SENSOR, Effect
 from pzt_ros.effects.imprint import Imprint
@@ -42,7 +42,7 @@ def _grid(**values: tuple[float, ...]) -> tuple[dict[str, float], ...]:
     return tuple(dict(zip(values, row, strict=True)) for row in itertools.product(*values.values()))
 
 
-__all__ = ["CONFOUNDED", "EFFECTS", "EFFECT_OF", "reported"]
+__all__ = ["CONFOUNDED", "EFFECTS", "EFFECT_OF", "LATE", "reported"]
 
 EFFECTS: tuple[Effect, ...] = (
     Effect(

@@ -805,6 +805,51 @@ def test_effects_are_tried_each_on_a_lattice_of_its_own(
         assert ("polarization_fatigue" in asked_to_tie) is not was_tried  # on a lattice of its own it was asked more
 
 
+@pytest.mark.parametrize(
+    ("name", "others", "expected"),
+    [
+        ("amplifier_bandwidth", ["sensor_lag"], "sensor_lag"),
+        ("amplifier_bandwidth", [], "amplifier_bandwidth"),
+        ("amplifier_bandwidth", ["mains_hum"], "amplifier_bandwidth"),  # is not late
+        ("sensor_lag", ["amplifier_bandwidth"], "sensor_lag"),  # which leaves more
+    ],
+)
+def test_an_effect_takes_its_turn_on_the_lattice_of_one_that_is_as_late(
+    monkeypatch: pytest.MonkeyPatch, name: str, others: list[str], expected: str
+) -> None:
+    """A court case: on a lattice that had bent a bandwidth left less than the lag of 10 x that was there."""
+    refits = {"sensor_lag": 1.1, "amplifier_bandwidth": 1.4, "mains_hum": 1.0}
+    lattices = {"sensor_lag": 1.01, "amplifier_bandwidth": 1.35}
+    monkeypatch.setattr(beside_effects, "without_effects", lambda found: found)
+    monkeypatch.setattr(
+        Search,
+        "with_effects",
+        lambda self, bare, names: leaving(refits[names[0]], refits[names[0]], effects=tuple(names)),
+    )
+
+    def identified(found: Any, progress: object, workers: object) -> Any:
+        (effect,) = found.effects
+        there = leaving(lattices[effect], lattices[effect], effects=(effect,))
+        there.staged = SimpleNamespace(has_past=False, ceramic=None)
+        return there
+
+    beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
+    tried = beside._in_turn({name: leaving(2.0, 2.0, effects=(name,))}, identified, others)
+    best = min(tried, key=lambda each: tried[each].total)
+    assert (best, tried[best].effects) == (expected, (expected,))
+
+
+def test_of_effects_that_are_late_only_the_likeliest_has_a_lattice_identified_beside_it() -> None:
+    names = ("amplifier_bandwidth", "mechanical_resonance", "sensor_lag", "thermal_drift", "slow_relaxation")
+    worth: Any = [SimpleNamespace(name=name, cause=name) for name in names]
+    asked: Any = []
+    beside: Any = SimpleNamespace(on_own_densities=lambda *given: asked.extend(given))
+    other_bases._on_own_densities(beside, worth, lambda candidate: candidate.name)
+    found, _, others = asked
+    assert found == {"amplifier_bandwidth": "amplifier_bandwidth", "thermal_drift": "thermal_drift"}
+    assert others == ["mechanical_resonance", "sensor_lag", "slow_relaxation"]
+
+
 @pytest.mark.parametrize(("whole", "is_taken"), [(1.01, True), (1.6, False)])
 def test_samples_that_a_past_seemed_to_reach_count_where_an_effect_was_what_hid_there(
     monkeypatch: pytest.MonkeyPatch, whole: float, is_taken: bool
@@ -819,7 +864,7 @@ def test_samples_that_a_past_seemed_to_reach_count_where_an_effect_was_what_hid_
     monkeypatch.setattr(beside_effects, "fitted", lambda staged, vector, effects: found)
     monkeypatch.setattr(beside_effects, "without_effects", lambda whole: whole)
     monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: bare)
-    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, identify: dict.fromkeys(found, there))
+    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, *_: dict.fromkeys(found, there))
     beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
     assert (beside._on_whole_runs(found, "bias_field", beside_effects.fit_flexible) is there) is is_taken
     assert [(each.since, each.poled) for each in counted] == [(0, False)]
@@ -877,7 +922,7 @@ def test_lattices_of_their_own_are_tried_where_one_effect_leaves_too_much(
     monkeypatch.setattr(Search, "continued", lambda self, steps, before: [*steps])
     monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: left)
     monkeypatch.setattr(
-        BesideEffects, "on_own_densities", lambda self, found: asked_of.extend(found) or (own if told else None)
+        BesideEffects, "on_own_densities", lambda self, found, *_: asked_of.extend(found) or (own if told else None)
     )
     branch = other_bases._on_all_seen(flexible, Thresholds(), Search(Thresholds().on_lattice()))
     assert asked_of == (["bias_field", "polarization_fatigue"] if tries else [])  # a variant is no other answer
@@ -906,7 +951,7 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
     ]
     own, found = other_bases.Branch("identified", leaving(1.0, 1.0), ()), {}
     densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), lattice_takes=60.0)
-    monkeypatch.setattr(BesideEffects, "on_own_densities", lambda self, places: found.update(places) or own)
+    monkeypatch.setattr(BesideEffects, "on_own_densities", lambda self, places, *_: found.update(places) or own)
     assert other_bases.beside_likeliest(tried, densities, Search()) is (own if asked_of else None)
     assert list(found) == asked_of
     assert other_bases.beside_likeliest(tried, densities, Search(limit=TimeLimit(50.0))) is None  # a lattice takes 60 s
@@ -979,10 +1024,15 @@ def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
     here: Any = [refit("sensor_nonlinearity", 0.72), refit("imprint", 0.77), refit("thermal_drift", 0.4)]
     own, asked = other_bases.Branch("identified", leaving(1.0, 1.0), ()), []
     densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), search=Search(Thresholds().on_flexible()))
-    monkeypatch.setattr(Search, "step", lambda self, before: SimpleNamespace(candidates=there))
+
+    def at_a_glance(self: Search, before: Any) -> list[Any]:
+        assert not self.is_worth_finishing(Candidate("", leaving(lattice, lattice), leaving(1.0, 1.0)))
+        return there
+
+    monkeypatch.setattr(Search, "beside", at_a_glance)
     monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
 
-    def on_own(self: Any, found: Any) -> Any:
+    def on_own(self: Any, found: Any, identify: Any, others: Any) -> Any:
         asked.append([*found])
         return own if told in found else None
 
@@ -1014,7 +1064,7 @@ def test_the_likeliest_effects_beside_elements_are_tried_each_on_relays_of_its_o
     bent: list[Any] = []
     monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: bent.append(bare) or (bare, *names))
 
-    def on_own(self: Any, found: Any, identify: Any) -> Any:
+    def on_own(self: Any, found: Any, identify: Any, others: Any) -> Any:
         assert identify is other_bases.fit_rate_independent
         assert list(found.values()) == [(relays, name) for name in asked_of]
         return own if found else None
@@ -1031,7 +1081,7 @@ def test_a_curve_on_a_density_of_its_own_ties_with_a_strain_law_that_explains_as
 ) -> None:
     told, asked = leaving(1.0, 1.0, effects=(name,)), Thresholds()
     told.staged = SimpleNamespace(has_past=False, ceramic=None, runs=[SimpleNamespace(since=0)])
-    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, identify: found)
+    monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, *_: found)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(4.0, 4.0))
     monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: False)
     monkeypatch.setattr(Candidate, "fit_size", 3.0)

@@ -125,6 +125,7 @@ def test_pasts_that_leave_most_are_not_sought_further(
     """A court case: pasts that stood for a fatigue of 10 x, beside which a density was identified anew for a minute."""
     first, beside, asked = stub(10.0), stub(left), []
     monkeypatch.setattr(flexible, "_lattice", lambda model, known, like=None: first)
+    monkeypatch.setattr(flexible, "_pasts_may_tell", lambda found, beyond: True)
     monkeypatch.setattr(flexible, "not_described", lambda each: [0])
     monkeypatch.setattr(flexible, "_has_past", lambda each, number: False)
     monkeypatch.setattr(flexible, "with_pasts_sought", lambda each, workers: beside)
@@ -220,3 +221,22 @@ def test_reversals_are_sought_as_far_as_the_whole_run_goes(records: list[Record]
 def test_a_run_that_no_fit_saw_is_predicted(found: Hypothesis, records: list[Record]) -> None:
     chain = model_of(found, "model", "")
     assert predict(chain, records[2]).rms < 2.5 * NOISE
+
+
+@pytest.mark.parametrize(
+    ("beyond", "left", "may_tell"),
+    [
+        (1.0, 3.0, True),
+        (1.7, 6.0, True),  # a little is missing as well, and far more is the pasts'
+        (2.0, 2.3, False),  # a court's lag of 10 x, which pasts were sought for in vain
+        (4.0, 5.0, False),
+    ],
+)
+def test_pasts_are_sought_only_where_they_may_tell_most_of_what_is_left(
+    beyond: float, left: float, may_tell: bool
+) -> None:
+    choice = SimpleNamespace(both=beyond * 2.0**0.5)
+    there: Any = SimpleNamespace(staged=SimpleNamespace(ceramic=FlexibleHysteresis.__new__(FlexibleHysteresis)))
+    there.staged.ceramic.choice = choice
+    found: Any = SimpleNamespace(ratios=[left] * 3, excess=2.0 * (left**2 - 1.0), total_at=lambda ratio: 2.0 * ratio**2)
+    assert flexible._pasts_may_tell(found, there) is may_tell
