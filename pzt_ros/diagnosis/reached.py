@@ -13,7 +13,7 @@ from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.reach_of_pasts import with_short_pasts
-from pzt_ros.diagnosis.remarks import UNSTEADY, WORSE
+from pzt_ros.diagnosis.remarks import INSTEAD, UNSTEADY, WORSE
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.time_limit import TimeLimit
@@ -56,7 +56,8 @@ def reached_of(
     tested = any(SCORE in run.picks for run in runs)
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
-        return Reached(chosen, fits[-1], baseline, model, before, after, (), anew)
+        instead = is_identified(fits[-1]) and not is_identified(chosen.final)
+        return Reached(chosen, fits[-1], baseline, model, before, after, (INSTEAD,) if instead else (), anew)
     if not any(run.wander for run in chosen.final.staged.runs):  # a drift foretells wrongly what goes its own way
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
         if steps:

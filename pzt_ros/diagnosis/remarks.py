@@ -53,6 +53,10 @@ _SHAPED = (
     "The densities of coercive and interaction fields are no Gaussians: their skew and tails were fitted, too"
     " (coercive_field_skew, interaction_field_tail and, where they prefer a direction, interaction_field_skew)."
 )
+INSTEAD = (
+    "A density with a formula leaves something of its own beside what is named. The model has one that was identified"
+    " about it, which leaves less, also where it was not fitted, and is the formula's where no run tells."
+)
 _LOAD = (
     "A load that does not yield in proportion, such as a contact that is lost, bends the displacement as the curve of a"
     " sensor does. A recorded force (force_N) would tell the two apart."

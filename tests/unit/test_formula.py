@@ -22,10 +22,13 @@ from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.formula import is_formula_off
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.outcome import model_of
-from pzt_ros.diagnosis.reached import last_fit
+from pzt_ros.diagnosis.reached import last_fit, reached_of
+from pzt_ros.diagnosis.remarks import INSTEAD
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import shaped
+from pzt_ros.diagnosis.time_limit import TimeLimit
+from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.identified_hats import accumulate, gathered, hats_of, node_count, relay_thresholds
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
@@ -62,9 +65,11 @@ def test_the_model_has_an_identified_density_where_that_of_a_formula_is_off(tmp_
     case = made("heavy_tailed", "thermal_drift")
     found, runs = beside(case, tmp_path)
     assert is_formula_off(found, Thresholds())
-    last = last_fit(found, runs, Thresholds())
+    reached = reached_of(runs, branch_of(found, found), Thresholds(), "", IN_THIS_PROCESS, TimeLimit())
+    last = reached.final
     assert isinstance(last.staged.ceramic, FlexibleHysteresis)
     assert last.effects == ("thermal_drift",)
+    assert reached.remarks == (INSTEAD,)
     assert left(found, case) > 1.2
     assert left(last, case) < 1.1
 
