@@ -277,7 +277,8 @@ def on_relays(relays: Hypothesis, search: Search) -> Branch:
     if not has_past:
         identify = partial(fit_rate_independent, progress=search.progress, workers=search.workers)
         hidden = frozenset({StrainPolarizationHysteresis.kind})
-        search = dataclasses.replace(search, identify=identify, hidden=hidden, is_at_bottom=True)
+        asked = search.thresholds.on_relays()
+        search = dataclasses.replace(search, thresholds=asked, identify=identify, hidden=hidden, is_at_bottom=True)
         return _on_relays_from_rest(relays, search)
     branch = _on_density(relays, search)
     if branch.explains(search.thresholds) or search.limit.is_over():

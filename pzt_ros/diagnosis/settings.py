@@ -225,6 +225,10 @@ class Thresholds:
             finish_share=self.flexible_finish,
         )
 
+    def on_relays(self) -> Thresholds:
+        """The same on relays that are identified beside each effect: what is far from the noise then is their rate."""
+        return replace(self, reachable=self.in_sight)
+
     def on_lattice(self) -> Thresholds:
         """The same where the flexible base is a lattice: what its density is off by must not hide an effect."""
         return replace(self.on_flexible(), informed_share=self.flexible_share)

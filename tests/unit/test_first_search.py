@@ -1284,3 +1284,18 @@ def test_a_base_of_whole_runs_is_not_taken_for_one_with_a_past_again(monkeypatch
     (branch,) = branches._searched(bases, Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert searched == [cut, virgin]
     assert branch.base is virgin
+
+
+@pytest.mark.parametrize(("left", "goes_on"), [(2.0, True), (4.5, False)])
+def test_on_relays_a_second_effect_is_sought_near_the_noise_only(
+    monkeypatch: pytest.MonkeyPatch, left: float, goes_on: bool
+) -> None:
+    """A court case: heavy tails, whose rate relays lack; two effects on them took three minutes, and told nothing."""
+    after = leaving(left, left, effects=("slow_relaxation",))
+    first: Any = SimpleNamespace(accepted=("slow_relaxation",), tied=(), after=after)
+    searched: list[Search] = []
+    monkeypatch.setattr(other_bases, "_on_relays_from_rest", lambda relays, search: searched.append(search))
+    relays = leaving(7.0, 7.0)
+    other_bases.on_relays(relays, Search(Thresholds().on_flexible()))
+    (search,) = searched
+    assert search._goes_on([first], relays) is goes_on
