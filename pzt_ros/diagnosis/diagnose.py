@@ -84,7 +84,7 @@ def diagnose(
         chosen = with_hum(best, asked, pool)
         runs = [run.counted_from(seen.since) for run, seen in zip(runs, chosen.base.staged.runs, strict=True)]
         progress("predicting")
-        reached = reached_of(runs, chosen, asked, command, pool, limit)
+        reached = reached_of(runs, chosen, bases.declared, asked, command, pool, limit)
         branches = [reached.branch if branch is best else branch for branch in branches]
         report = _report(runs, len(train), branches, reached, asked, command)
     if limit.has_cut:

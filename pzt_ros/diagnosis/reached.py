@@ -10,10 +10,11 @@ from typing import NamedTuple
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.data import SCORE, RunData
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects, is_identified
+from pzt_ros.diagnosis.formula import formula_again
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.outcome import Errors, errors_from, errors_of, model_of
 from pzt_ros.diagnosis.reach_of_pasts import with_short_pasts
-from pzt_ros.diagnosis.remarks import INSTEAD, UNSTEADY, WORSE
+from pzt_ros.diagnosis.remarks import FORMULA, INSTEAD, UNSTEADY, WORSE
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.time_limit import TimeLimit
@@ -41,14 +42,30 @@ class Reached(NamedTuple):
 
 
 def reached_of(
-    runs: Sequence[RunData], chosen: Branch, asked: Thresholds, command: str, workers: Workers, limit: TimeLimit
+    runs: Sequence[RunData],
+    chosen: Branch,
+    declared: Hypothesis,
+    asked: Thresholds,
+    command: str,
+    workers: Workers,
+    limit: TimeLimit,
 ) -> Reached:
     """The ends of a branch, fitted for the last time; names with which the prediction of what scores is worse go.
 
     A straight drift does not go before it was tried as readings that wander; a tone that is there may only be unsteady.
+
+    Args:
+        runs: as they were divided.
+        chosen: the branch.
+        declared: the base that was fitted first, whose densities may do beside names.
+        asked: of an effect.
+        command: that asked for the report.
+        workers: fit side by side.
+        limit: after which no density is identified or declared anew.
     """
-    ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, chosen.final]
     anew = not limit.is_over()
+    final = formula_again(chosen.final, declared) if anew else chosen.final
+    ends = [chosen.base] if chosen.final is chosen.base else [chosen.base, final]
     fits = list(workers.map(last_fit, ends, repeat(runs), repeat(asked), repeat(anew)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)
     errors = list(workers.map(errors_of, [baseline, model][: len(ends)], repeat(runs)))
@@ -56,12 +73,14 @@ def reached_of(
     tested = any(SCORE in run.picks for run in runs)
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
-        instead = is_identified(fits[-1]) and not is_identified(chosen.final)
-        return Reached(chosen, fits[-1], baseline, model, before, after, (INSTEAD,) if instead else (), anew)
+        was, now = is_identified(chosen.final), is_identified(fits[-1])
+        remarks = () if was is now else (INSTEAD,) if now else (FORMULA,)
+        return Reached(chosen, fits[-1], baseline, model, before, after, remarks, anew)
     if not any(run.wander for run in chosen.final.staged.runs):  # a drift foretells wrongly what goes its own way
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
         if steps:
-            return reached_of(runs, dataclasses.replace(chosen, steps=tuple(steps)), asked, command, workers, limit)
+            drifting = dataclasses.replace(chosen, steps=tuple(steps))
+            return reached_of(runs, drifting, declared, asked, command, workers, limit)
     is_there = chosen.is_heard and is_unsteady(model, runs, before.residuals, after.residuals)
     remark = (UNSTEADY if is_there else WORSE).format(before=foretold[0] * 1e9, after=foretold[1] * 1e9)
     if is_there:

@@ -57,6 +57,10 @@ INSTEAD = (
     "A density with a formula leaves something of its own beside what is named. The model has one that was identified"
     " about it, which leaves less, also where it was not fitted, and is the formula's where no run tells."
 )
+FORMULA = (
+    "Beside what is named, densities with a formula and free skew and tails describe these runs as well as the"
+    " identified one that told it. The model has those: they know where no run tells."
+)
 _LOAD = (
     "A load that does not yield in proportion, such as a contact that is lost, bends the displacement as the curve of a"
     " sensor does. A recorded force (force_N) would tell the two apart."
