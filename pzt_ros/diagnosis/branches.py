@@ -55,9 +55,9 @@ def branches_of(
         search = Search(asked.on_flexible(), progress=progress, workers=workers, limit=limit)
         found = [on_relays(bases.declared, search)]
     else:
+        on_lattice = Search(asked.on_lattice(), progress=progress, workers=workers, limit=limit)
         asked = asked.on_shaped() if is_shaped(bases.declared) else asked
         found = _searched(bases, asked, progress, workers, limit)
-        on_lattice = Search(asked.on_lattice(), progress=progress, workers=workers, limit=limit)
         found = [density_alone(branch, on_lattice) for branch in found]
     found = [dataclasses.replace(branch, steps=tuple(in_question(branch.steps))) for branch in found]
     return [_trusted(branch, found, asked, limit) for branch in found]

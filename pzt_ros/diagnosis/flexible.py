@@ -32,7 +32,7 @@ from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
-from pzt_ros.physics.density import equally_spaced
+from pzt_ros.physics.density import Nodes, equally_spaced
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.identified_hats import gathered
 from pzt_ros.physics.link import Link
@@ -110,13 +110,20 @@ def fit_about(model: Hypothesis) -> Hypothesis:
 def _shares_of(polycrystal: Polycrystal, grid: Array) -> Array:
     """What the hats of a lattice weigh as the densities of a polycrystal have it [-, shape (nodes,)]."""
     step = float(np.min(np.diff(grid))) / _NODES
-    coercive, interaction = (
-        equally_spaced(each, step, _CUT) for each in (polycrystal.coercive, polycrystal.interaction)
-    )
+    low, high = float(grid[0]), float(grid[-1])
+    coercive = _between(equally_spaced(polycrystal.coercive, step, _CUT), 0.0, 0.5 * (high - low))
+    interaction = _between(equally_spaced(polycrystal.interaction, step, _CUT), -high, -low)
     barrier, field = np.meshgrid(coercive[0], interaction[0], indexing="ij")
     weight = np.outer(coercive[1], interaction[1])
     up, down = barrier - field, -barrier - field
     return gathered(up.ravel(), down.ravel(), weight.ravel(), grid)
+
+
+def _between(nodes: Nodes, low: float, high: float) -> Nodes:
+    """Those with a field in a range [V/m]: tails may reach a thousand times as far as any drive."""
+    fields, weights = nodes
+    inside = (fields >= low) & (fields <= high)
+    return fields[inside], weights[inside]
 
 
 def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothesis:

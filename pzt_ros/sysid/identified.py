@@ -118,9 +118,16 @@ class IdentifiedHysteresis:
 
         Args:
             shares: of its hats, in any unit [shape (nodes,)].
+
+        Raises:
+            BenchError: none of it is switched both ways in the range of field.
         """
         inside = self._inside
-        scale = float(inside @ self._even) / float(inside @ shares)
+        switched = float(inside @ shares)
+        if not switched > 0.0:
+            low, high = self.field_range
+            raise BenchError(f"identified lattice: nothing of the density switches in {low:.6g} to {high:.6g} V/m")
+        scale = float(inside @ self._even) / switched
         self.believed = scale * shares / self._even
         self.start[WEIGHTS : self.shared] = scale * shares
 

@@ -12,7 +12,7 @@ from pzt_benchmarks.residual_court.cases import Case, Spec, make_case
 from pzt_benchmarks.residual_court.files import declared_chain
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import density_alone as alone
-from pzt_ros.diagnosis import formula
+from pzt_ros.diagnosis import flexible, formula
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.data import RunData, split
@@ -30,9 +30,11 @@ from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import shaped
 from pzt_ros.diagnosis.time_limit import TimeLimit
+from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS
 from pzt_ros.physics.chain import Chain
-from pzt_ros.physics.identified_hats import accumulate, gathered, hats_of, node_count, relay_thresholds
+from pzt_ros.physics.identified_hats import accumulate, gathered, hats_of, node_count, nodes_of, relay_thresholds
+from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.predict import predict
@@ -197,3 +199,26 @@ def test_a_believed_density_costs_nothing() -> None:
     believed = lattice.weights(lattice.start)
     np.testing.assert_allclose(believed / believed.sum(), shares / shares.sum())
     assert not np.allclose(rows @ (1.1 * lattice.start), targets, atol=1e-3)
+
+
+def test_a_density_that_no_run_reaches_is_not_believed() -> None:
+    lattice = FlexibleHysteresis([np.linspace(0.0, 1.0, 50)], 1e-4, (-1e6, 1e6), unknown_start=[False], resolution=8)
+    with pytest.raises(BenchError, match="nothing of the density switches"):
+        lattice.believe(np.zeros(lattice.shared - 4))
+
+
+@pytest.mark.parametrize("shapes", [{}, {"coercive_field_skew": 1.5, "interaction_field_tail": 2.0}])
+def test_hats_of_a_formula_are_its_density(shapes: dict[str, float]) -> None:
+    """Those of a pair of thresholds in the middle weigh what it has there, whatever its tails reach."""
+    polycrystal = Lattice(
+        coercive_field=4e5, coercive_field_spread=2e11, interaction_field_spread=3e11, reciprocal_permittivity=6e7,
+        **shapes,
+    )  # fmt: skip
+    grid = np.linspace(-1.5e6, 1.5e6, 31)
+    shares = flexible._shares_of(polycrystal, grid)
+    places = {node: number for number, node in enumerate(nodes_of(grid.size))}
+    (low, high), step = (13, 19), grid[1] - grid[0]
+    barrier, field = 0.5 * (grid[high] - grid[low]), -0.5 * (grid[high] + grid[low])
+    density = polycrystal.coercive.at(np.array([barrier])) * polycrystal.interaction.at(np.array([field]))
+    expected = float(density[0]) * 0.5 * step**2  # thresholds turn the plane of the fields, and double it
+    assert shares[places[high, low]] == pytest.approx(expected, rel=0.1)
