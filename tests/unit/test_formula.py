@@ -18,7 +18,7 @@ from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.data import RunData, split
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.density_alone import density_alone
-from pzt_ros.diagnosis.flexible import fit_about, fit_flexible
+from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.formula import formula_again, is_formula_off
@@ -84,12 +84,18 @@ def test_the_model_has_an_identified_density_where_that_of_a_formula_is_off(tmp_
     assert left(last, case) < 1.1
 
 
-def test_a_formula_that_an_effect_had_bent_is_taken_again_beside_it(tmp_path: Any) -> None:
-    """Of skewed densities Gaussians leave 7 x with a drift, a lattice beside it little, but where no run told."""
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, list[RunData], Hypothesis, Hypothesis]:
+    """Skewed densities with a drift, of which Gaussians leave 7 x; those, and a lattice beside the drift."""
     case = made("skewed", "thermal_drift")
-    runs, declared = runs_of(case, tmp_path)
+    runs, declared = runs_of(case, tmp_path_factory.mktemp("bent"))
     base = begun(declared, runs)
-    lattice = fit_flexible(Search().with_effects(base, ["thermal_drift"]), lambda text: None)
+    return case, runs, base, fit_flexible(Search().with_effects(base, ["thermal_drift"]), lambda text: None)
+
+
+def test_a_formula_that_an_effect_had_bent_is_taken_again_beside_it(bent: Any) -> None:
+    """The lattice leaves little, but where no run told."""
+    case, runs, base, lattice = bent
     branch = Branch("identified", base, branch_of(base, lattice).steps)
     reached = reached_of(runs, branch, base, Thresholds(), "", IN_THIS_PROCESS, TimeLimit())
     assert isinstance(reached.final.staged.ceramic, DeclaredHysteresis)
@@ -98,16 +104,14 @@ def test_a_formula_that_an_effect_had_bent_is_taken_again_beside_it(tmp_path: An
     assert left(reached.final, case) < 1.1
 
 
-def test_a_formula_stays_aside_where_it_leaves_more_or_there_is_none(tmp_path: Any) -> None:
-    case = made("skewed", "thermal_drift")
-    runs, declared = runs_of(case, tmp_path)
-    base = begun(declared, runs)
-    bent = fit_about(Search().with_effects(base, ["thermal_drift"]))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(formula, "lopsided", lambda found: found)  # Gaussians, which leave 7 x
-        assert formula_again(bent, base) is bent
+def test_a_formula_stays_aside_where_it_leaves_more_or_there_is_none(
+    bent: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, _, base, lattice = bent
+    monkeypatch.setattr(formula, "lopsided", lambda found: found)  # Gaussians
+    assert formula_again(lattice, base) is lattice
     assert formula_again(base, base) is base  # it is one, and has no effects
-    assert formula_again(bent, bent) is bent  # nothing with a formula is known
+    assert formula_again(lattice, lattice) is lattice  # nothing with a formula is known
 
 
 def test_a_null_needs_no_effect_beside_the_density(tmp_path: Any) -> None:
