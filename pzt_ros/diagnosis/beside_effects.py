@@ -16,7 +16,7 @@ from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.elimination import is_law_as_good, without
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
 from pzt_ros.diagnosis.from_rest import on_whole_runs
-from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted, without_effects
+from pzt_ros.diagnosis.hypothesis import Hypothesis, fitted, total_of, without_effects
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.staged import Progress
@@ -121,7 +121,7 @@ class BesideEffects:
             anew = {name: self._refitted(here, others) for name, here in lately.items()}
             going = {name: beside for name, beside in anew.items() if beside.effects}
         best: dict[str, Hypothesis] = {}
-        for each in sorted((each for turns in done.values() for each in turns), key=_total):
+        for each in sorted((each for turns in done.values() for each in turns), key=total_of):
             best.setdefault(each.effects[0], each)
         return best
 
@@ -133,7 +133,7 @@ class BesideEffects:
         """
         bare, (name, *_) = without_effects(found), found.effects
         alike = [each for each in others if {name, each} <= LATE]
-        return min((self.search.with_effects(bare, [each]) for each in (name, *alike)), key=_total)
+        return min((self.search.with_effects(bare, [each]) for each in (name, *alike)), key=total_of)
 
     def _goes_on(self, turns: Sequence[Hypothesis], most: float) -> bool:
         """Whether a further turn of an effect and its density may leave less, and it is worth its time.
@@ -181,7 +181,3 @@ class BesideEffects:
             )
             after = candidate.before
         return Branch("identified", after, tuple(steps))
-
-
-def _total(found: Hypothesis) -> float:
-    return found.total

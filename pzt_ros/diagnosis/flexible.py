@@ -20,7 +20,7 @@ from pzt_ros.diagnosis.data import RunData
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.histories import refitted_from, renewed
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted, total_of
 from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.diagnosis.lattice_pasts import not_described, with_pasts_sought
 from pzt_ros.diagnosis.less_effects import less_effects
@@ -32,9 +32,8 @@ from pzt_ros.effects.insert import effects_in
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
-from pzt_ros.physics.density import Nodes, equally_spaced
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.identified_hats import gathered
+from pzt_ros.physics.identified_hats import gathered, hats_of, relay_thresholds
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
@@ -52,7 +51,7 @@ _PASTS_LEAVE = 0.25
 for it: of runs with a past they left 0.1 and less, of a creep and a fatigue of 10 x 0.6 and more, of a creep of 5 x
 beside plays 0.35."""
 _TYPICALLY_LEAVE = 0.5  # the same of the rms over noise of a typical run
-_NODES, _CUT = 4, 6.0  # of a formula's density in a cell of a lattice, and standard deviations of it
+_LINES = 160  # of thresholds, over a whole grid, at which a formula's density is taken
 _NEAR = 2.0  # rms over noise up to which a density that the pasts of a model suit is where a search for others begins
 
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
@@ -79,15 +78,23 @@ def fit_flexible(model: Hypothesis, progress: Progress, workers: Workers = IN_TH
     found = _lattice(model, model)
     if not_described(found) and any(_has_past(found, number) for number in not_described(found)):
         virgin = refitted_from(found, {number: Start() for number in _from_rest(found)}, 0)
-        found = min(found, _lattice(model, virgin), key=_total)
-    beyond = _lattice(model, None) if not_described(found) and max(found.ratios) > _NEAR else None
-    if not_described(found) and (beyond is None or _pasts_may_tell(found, beyond)):
-        begun = [found] if beyond is None else [found, beyond]
-        best = min((with_pasts_sought(each, workers) for each in begun), key=_typical)
-        is_less = best.excess <= _PASTS_LEAVE * found.excess or _typical(best) <= _TYPICALLY_LEAVE * _typical(found)
-        tell = best is not found and is_less
-        found = _lattice(model, _in_turn(model, best, workers)) if tell else found
+        found = min(found, _lattice(model, virgin), key=total_of)
+    if not_described(found):
+        found = _beside_pasts(model, found, workers)
     return exact(fitted(found.staged, found.vector, found.effects, _STEPS))
+
+
+def _beside_pasts(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothesis:
+    """A lattice beside pasts that are sought beside it, where they tell most of what is left; else as found."""
+    begun = [found]
+    if max(found.ratios) > _NEAR:
+        beyond = _lattice(model, None)
+        if not _pasts_may_tell(found, beyond):
+            return found
+        begun.append(beyond)
+    best = min((with_pasts_sought(each, workers) for each in begun), key=_typical)
+    is_less = best.excess <= _PASTS_LEAVE * found.excess or _typical(best) <= _TYPICALLY_LEAVE * _typical(found)
+    return _lattice(model, _in_turn(model, best, workers)) if best is not found and is_less else found
 
 
 def _pasts_may_tell(found: Hypothesis, beyond: Hypothesis) -> bool:
@@ -108,22 +115,14 @@ def fit_about(model: Hypothesis) -> Hypothesis:
 
 
 def _shares_of(polycrystal: Polycrystal, grid: Array) -> Array:
-    """What the hats of a lattice weigh as the densities of a polycrystal have it [-, shape (nodes,)]."""
-    step = float(np.min(np.diff(grid))) / _NODES
-    low, high = float(grid[0]), float(grid[-1])
-    coercive = _between(equally_spaced(polycrystal.coercive, step, _CUT), 0.0, 0.5 * (high - low))
-    interaction = _between(equally_spaced(polycrystal.interaction, step, _CUT), -high, -low)
-    barrier, field = np.meshgrid(coercive[0], interaction[0], indexing="ij")
-    weight = np.outer(coercive[1], interaction[1])
-    up, down = barrier - field, -barrier - field
-    return gathered(up.ravel(), down.ravel(), weight.ravel(), grid)
-
-
-def _between(nodes: Nodes, low: float, high: float) -> Nodes:
-    """Those with a field in a range [V/m]: tails may reach a thousand times as far as any drive."""
-    fields, weights = nodes
-    inside = (fields >= low) & (fields <= high)
-    return fields[inside], weights[inside]
+    """What the hats of a lattice weigh as the densities of a polycrystal have it [any unit, shape (nodes,)]."""
+    lines = np.linspace(grid[0], grid[-1], _LINES)
+    up, down = relay_thresholds(lines)
+    coercive, interaction = (
+        density.widened(float(lines[1] - lines[0])) for density in (polycrystal.coercive, polycrystal.interaction)
+    )
+    weight = coercive.at(0.5 * (up - down)) * interaction.at(-0.5 * (up + down))
+    return gathered(weight, hats_of(lines, grid))
 
 
 def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothesis:
@@ -133,12 +132,12 @@ def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothes
     """
     virgin = refitted_from(found, {0: Start()}, 0)
     begun = [found] if not _has_past(found, 0) else [found, virgin]
-    found = min((_lattice(model, each, found) for each in begun), key=_total)
+    found = min((_lattice(model, each, found) for each in begun), key=total_of)
     for _ in range(_TURNS):
         sought = with_pasts_sought(found, workers)
         again = _lattice(model, sought, sought) if sought is not found else found
         gained = found.total - again.total > _GAINED * found.excess
-        found = min(found, again, key=_total)
+        found = min(found, again, key=total_of)
         if not gained or not not_described(found):
             break
     return found
@@ -204,10 +203,6 @@ def _has_past(found: Hypothesis, number: int) -> bool:
     return bool(found.staged.ceramic.start_of(found.vector, number).prior_voltages)
 
 
-def _total(found: Hypothesis) -> float:
-    return found.total
-
-
 def _typical(found: Hypothesis) -> float:
     """Rms over noise of a run, by the geometric mean: a wrong past of one says nothing of a density that suits others.
 
@@ -239,7 +234,7 @@ def fit_rate_independent(model: Hypothesis, progress: Progress, workers: Workers
     for _ in range(_ROUNDS if model.staged.has_past else 0):
         again = _relays(model, found, workers)
         gained = found.total - again.total > _GAINED * found.excess
-        found = min(found, again, key=_total)
+        found = min(found, again, key=total_of)
         if not gained:
             break
     return found

@@ -16,7 +16,7 @@ from pzt_ros.diagnosis.data import FIT, SELECTION, RunData
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, exactly, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, exactly, fitted, total_of
 from pzt_ros.diagnosis.hysteresis import WithPasts
 from pzt_ros.diagnosis.less_effects import ceramic_alone
 from pzt_ros.diagnosis.poling import poled_anew
@@ -57,7 +57,7 @@ def with_histories(found: Hypothesis, progress: Progress, workers: Workers) -> H
     progress("history before " + ", ".join(runs[number].record.name for number in asked))
     if any(runs[number].begins_driven for number in asked):
         found = _from_first_guesses(found, asked, workers)
-    found = renewed(min(found, _with_other_histories(found, asked, workers), key=_total), workers)
+    found = renewed(min(found, _with_other_histories(found, asked, workers), key=total_of), workers)
     return _with_longer_pasts(found, workers)
 
 
@@ -80,7 +80,7 @@ def renewed(found: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis
     asked = _without_their_past(found)
     if found.effects or not asked or not _NEARLY_CLEAN < max(found.ratios) <= _NEAR:
         return found
-    return min(found, _with_other_histories(found, asked, workers, thorough=True), key=_total)
+    return min(found, _with_other_histories(found, asked, workers, thorough=True), key=total_of)
 
 
 def _in_rounds(found: Hypothesis, workers: Workers) -> Hypothesis:
@@ -95,7 +95,7 @@ def _in_rounds(found: Hypothesis, workers: Workers) -> Hypothesis:
             break
         again = _with_other_histories(found, asked, workers)
         gained = found.total - again.total > max(_GAINED * found.excess, _TOLD)
-        found = min(found, again, key=_total)
+        found = min(found, again, key=total_of)
         if not gained:
             break
     return found
@@ -117,7 +117,7 @@ def _renewed_from_rest(found: Hypothesis) -> Hypothesis:
     if not isinstance(found.staged.ceramic, DeclaredHysteresis):
         return found
     for other in (_beside_effects, _sought_beside) if found.effects else ():
-        found = min(found, other(found) or found, key=_total)
+        found = min(found, other(found) or found, key=total_of)
     return with_best_amplitude(found)
 
 
@@ -143,7 +143,7 @@ def with_histories_of(found: Hypothesis, other: Hypothesis) -> Hypothesis:
     if not both or not other.staged.has_past:
         return found
     starts = {number: ceramic.start_of(vector, number) for number in range(len(other.staged.runs))}
-    return min(found, _fitted_with(found, starts), key=_total)
+    return min(found, _fitted_with(found, starts), key=total_of)
 
 
 def _beside_effects(found: Hypothesis) -> Hypothesis | None:
@@ -194,10 +194,6 @@ def _without_their_past(found: Hypothesis) -> list[int]:
     return [number for number in _not_clean(found) if found.staged.runs[number].begins_driven]
 
 
-def _total(found: Hypothesis) -> float:
-    return found.total
-
-
 def _from_first_guesses(found: Hypothesis, asked: Sequence[int], workers: Workers) -> Hypothesis:
     """The best of fits that begin as declared, some runs with the best short history of a kind each.
 
@@ -208,7 +204,7 @@ def _from_first_guesses(found: Hypothesis, asked: Sequence[int], workers: Worker
     chain = with_surrogate(staged.chain_at(staged.start))
     guesses = list(workers.map(first_guesses, repeat(chain), [_part(staged.runs[number]) for number in asked]))
     tried = [refitted_from(begin, dict(zip(asked, starts, strict=True))) for starts in zip(*guesses, strict=True)]
-    return min((found, *tried), key=_total)
+    return min((found, *tried), key=total_of)
 
 
 def _with_other_histories(
@@ -223,7 +219,7 @@ def _with_other_histories(
     worse = [number for number in driven if again.ratios[number] > _WORSE * found.ratios[number]]
     if not worse or len(worse) == len(driven):
         return again
-    return min(again, _fitted_with(again, _histories(again, worse, workers, thorough)), key=_total)
+    return min(again, _fitted_with(again, _histories(again, worse, workers, thorough)), key=total_of)
 
 
 def with_other_pasts(found: Hypothesis, workers: Workers) -> Hypothesis:

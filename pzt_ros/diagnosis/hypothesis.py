@@ -140,6 +140,11 @@ def fitted(staged: Staged, start: Array, effects: tuple[str, ...] = (), most_ste
     return Hypothesis(staged, solution, vector, effects)
 
 
+def total_of(found: Hypothesis) -> float:
+    """What fits of one model, or candidates, are ranked by [-]."""
+    return found.total
+
+
 def without_effects(found: Hypothesis) -> Hypothesis:
     """The base where its effects had taken it."""
     return fitted(*found.staged.without_all(found.effects, found.vector), most_steps=0)

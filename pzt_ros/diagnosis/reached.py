@@ -73,8 +73,7 @@ def reached_of(
     tested = any(SCORE in run.picks for run in runs)
     foretold = [errors_from(less_wandering(chosen.final, each.residuals), runs).score for each in (before, after)]
     if not tested or foretold[1] <= asked.worsens * foretold[0]:
-        was, now = is_identified(chosen.final), is_identified(fits[-1])
-        remarks = () if was is now else (INSTEAD,) if now else (FORMULA,)
+        remarks = _of_density(is_identified(chosen.final), is_identified(fits[-1]))
         return Reached(chosen, fits[-1], baseline, model, before, after, remarks, anew)
     if not any(run.wander for run in chosen.final.staged.runs):  # a drift foretells wrongly what goes its own way
         steps = Search(asked, workers=workers).with_last_drift_wandering(chosen.steps, chosen.base)
@@ -87,6 +86,13 @@ def reached_of(
         return Reached(chosen, fits[-1], baseline, model, before, after, (remark,), anew)
     nameless = chosen.without_names("it makes the prediction of what scores worse")
     return Reached(nameless, fits[0], baseline, model_of(fits[0], "model", command), before, before, (remark,), anew)
+
+
+def _of_density(was_identified: bool, is_identified: bool) -> tuple[str, ...]:
+    """What to remark where the model's density is of another kind than the one that told its names."""
+    if was_identified == is_identified:
+        return ()
+    return (INSTEAD,) if is_identified else (FORMULA,)
 
 
 def last_fit(found: Hypothesis, runs: Sequence[RunData], asked: Thresholds, anew: bool = True) -> Hypothesis:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted, total_of
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.sysid.parameters import LOPSIDED, SHAPES
 
@@ -35,9 +35,9 @@ def shaped(found: Hypothesis, shapes: Sequence[str] = SHAPES) -> Hypothesis:
     free = dataclasses.replace(staged, ceramic=freed)
     other = fitted(free, vector, found.effects, _STEPS)
     if not found.effects and other.fit.ratio > _NEAR:
-        other = min(other, fitted(free, free.start, most_steps=_STEPS), key=_total)
+        other = min(other, fitted(free, free.start, most_steps=_STEPS), key=total_of)
     other = exact(other) if staged.given else other  # what goes on from run to run is counted by the density
-    return min(other, found, key=_total)
+    return min(other, found, key=total_of)
 
 
 def lopsided(found: Hypothesis) -> Hypothesis:
@@ -56,10 +56,6 @@ def _held(found: Hypothesis, shapes: Sequence[str]) -> list[str]:
     if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Polycrystal):
         return []
     return [shape for shape in shapes if shape not in [each.field for each in ceramic.coordinates]]
-
-
-def _total(found: Hypothesis) -> float:
-    return found.total
 
 
 def far_better_shaped(found: Hypothesis) -> Hypothesis:

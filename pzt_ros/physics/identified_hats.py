@@ -104,25 +104,16 @@ def accumulate(values, hats, work, sums, first_row=0, end_column=1 << 30):  # ty
         begin += up + 1
 
 
-def gathered(up: Array, down: Array, weight: Array, grid: Array) -> Array:
-    """Sum over relays anywhere of hat times weight, for every node; those that `grid` does not reach count nowhere.
+def gathered(values: Array, hats: Hats) -> Array:
+    """Sum over relays of hat times value [unit of the values, shape (nodes,)].
 
     Args:
-        up, down: thresholds of the relays, in the unit of `grid` [each shape (n,)].
-        weight: of each [shape (n,)].
-        grid: coarse lines, ascending [shape (N,)].
+        values: of every relay [shape (n*n//4,)].
+        hats: the coarse grid.
     """
-    inside = (up <= grid[-1]) & (down >= grid[0])
-    rows, columns, weight = hats_of(up[inside], grid), hats_of(down[inside], grid), weight[inside]
-    table = np.zeros((grid.size, grid.size))
-    for above, row_share in ((0, 1.0 - rows.share), (1, rows.share)):
-        for right, column_share in ((0, 1.0 - columns.share), (1, columns.share)):
-            np.add.at(table, (rows.cell + above, columns.cell + right), weight * row_share * column_share)
-    missing = 0.5 * np.diagonal(table, 1).copy()  # corners that the diagonal cuts off
-    lines = np.arange(grid.size)
-    table[lines[:-1], lines[:-1]] += missing
-    table[lines[1:], lines[1:]] += missing
-    return np.array([table[node] for node in nodes_of(grid.size)])
+    sums = np.empty(node_count(hats.size))
+    accumulate(values, hats, np.zeros((hats.size, 2, (hats.cell.size + 1) // 2)), sums)
+    return sums
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
@@ -147,7 +138,5 @@ def spread_out(coefficients, hats, values):  # type: ignore[no-untyped-def]
 
 def hat_sums(hats: Hats) -> Array:
     """Sum over relays of each hat [-, shape (nodes,)]; one that no relay feels counts as 1."""
-    n = hats.cell.size
-    sums = np.empty(node_count(hats.size))
-    accumulate(np.ones(n * n // 4), hats, np.zeros((hats.size, 2, (n + 1) // 2)), sums)
+    sums = gathered(np.ones(hats.cell.size**2 // 4), hats)
     return np.where(sums > 0.0, sums, 1.0)

@@ -18,7 +18,7 @@ import numpy as np
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import side_by_side
 from pzt_ros.physics import identified_lattice_kernel as kernel
-from pzt_ros.physics.identified_hats import accumulate, hat_sums, hats_of, node_count, nodes_of
+from pzt_ros.physics.identified_hats import gathered, hat_sums, hats_of, node_count, nodes_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import ABSENT, Array, Rest
@@ -197,9 +197,7 @@ class IdentifiedHysteresis:
         if former.grid.size == self.grid.size:
             return vector
         link = former.link(vector)
-        weights = np.empty(node_count(self.grid.size))
-        hats = hats_of(link.lines, self.grid)
-        accumulate(link.relays.weight, hats, np.zeros((hats.size, 2, (link.lines.size + 1) // 2)), weights)
+        weights = gathered(link.relays.weight, hats_of(link.lines, self.grid))
         return np.concatenate((vector[:WEIGHTS], weights, vector[former.shared :]))
 
     def link(self, vector: Array) -> IdentifiedLattice:
