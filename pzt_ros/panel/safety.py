@@ -44,6 +44,12 @@ def shown_state(health: Mapping[str, Mapping[str, Any]], ages: Mapping[str, floa
     values, age = health["amplifier"]["values"], ages["amplifier"]
     state, reason = str(values.get("state", "")), str(values.get("reason", ""))
     if age > SILENT_AFTER:
+        if min(ages.values()) > SILENT_AFTER and "panel" in ages:  # which hears itself, if it has time to
+            return Shown(
+                "unknown", "?", "PANEL BEHIND",
+                f"its own node says nothing either: this machine is too busy, or it hangs. {age:.0f} s ago the"
+                f" amplifier was {state}; what is shown is old, look at the stage",
+            )  # fmt: skip
         return Shown(
             "fault", "✖", "AMPLIFIER SILENT", f"nothing heard for {age:.0f} s, it was {state}; look at the stage"
         )

@@ -150,9 +150,25 @@ class PanelPage:
                 time.sleep(0.2)
         self.complaints.clear()  # of attempts before the server was up
 
+    @contextmanager
+    def patience(self, wanted: str) -> Iterator[None]:
+        """Where something never comes, say what the page showed instead."""
+        from playwright.sync_api import TimeoutError as TooLong
+
+        try:
+            yield
+        except TooLong as error:
+            shows = " | ".join(self.page.inner_text("body").split("\n"))
+            raise AssertionError(f"waited {PATIENCE:g} s for {wanted}; the page shows: {shows}") from error
+
+    def wait(self, condition: str, **options: Any) -> None:
+        """Wait until that holds in the page."""
+        with self.patience(condition):
+            self.page.wait_for_function(condition, **options)
+
     def see(self, headline: str, reason: str = "") -> None:
         """Wait until the banner says that."""
-        self.page.wait_for_function(
+        self.wait(
             "([h, r]) => document.querySelector('[data-is=headline]')?.textContent === h"
             " && document.querySelector('[data-is=reason]').textContent.includes(r)",
             arg=[headline, reason],
@@ -160,7 +176,8 @@ class PanelPage:
 
     def click(self, do: str) -> None:
         """Press a button."""
-        self.page.click(f"[data-do={do}]")
+        with self.patience(f"a button '{do}' that can be pressed"):
+            self.page.click(f"[data-do={do}]")
 
     def fill(self, **fields: str) -> None:
         """Type into fields, named by their `data-is` with underscores."""
@@ -188,9 +205,7 @@ class PanelPage:
         self.click("enable")
         self.hear("amplifier enabled")
         self.see("ENABLED")
-        self.page.wait_for_function(
-            "n => getElement(document.querySelector('.scope').id.slice(1)).counts().pushed >= n + 5", arg=before
-        )
+        self.wait("n => getElement(document.querySelector('.scope').id.slice(1)).counts().pushed >= n + 5", arg=before)
 
     def words(self) -> str:
         """What the page answered last."""
@@ -198,15 +213,13 @@ class PanelPage:
 
     def see_movement(self, least: float) -> None:
         """Wait until the measured displacement in the plot spans `least` [m], and the plot goes on being drawn."""
-        self.page.wait_for_function(
+        self.wait(
             "least => { const rows = getElement(document.querySelector('.scope').id.slice(1)).rows.map((r) => r[1]);"
             " return Math.max(...rows) - Math.min(...rows) >= least; }",
             arg=least,
         )
         before = self.counts()["drawn"]
-        self.page.wait_for_function(
-            "n => getElement(document.querySelector('.scope').id.slice(1)).counts().drawn >= n + 10", arg=before
-        )
+        self.wait("n => getElement(document.querySelector('.scope').id.slice(1)).counts().drawn >= n + 10", arg=before)
 
 
 @contextmanager

@@ -167,7 +167,16 @@ def test_before_anybody_is_heard_the_banner_says_what_is_waited_for() -> None:
 
 
 def test_a_silent_amplifier_is_not_believed() -> None:
-    assert shown_state(health("enabled"), {"amplifier": SILENT_AFTER + 1.0}).headline == "AMPLIFIER SILENT"
+    silent = SILENT_AFTER + 1.0
+    assert shown_state(health("enabled"), {"amplifier": silent}).headline == "AMPLIFIER SILENT"
+    assert shown_state(health("enabled"), {"amplifier": silent, "panel": 0.5}).headline == "AMPLIFIER SILENT"
+
+
+def test_a_panel_that_hears_not_even_itself_does_not_blame_the_amplifier() -> None:
+    silent = dict.fromkeys(("amplifier", "panel", "sensor"), SILENT_AFTER + 1.0)
+    shown = shown_state(health("enabled"), silent)
+    assert shown.headline == "PANEL BEHIND"
+    assert "the amplifier was enabled" in shown.reason
 
 
 READY = {"level": "ok", "text": "ready", "values": {"ready": "True"}}
