@@ -12,23 +12,16 @@ from pzt_ros.diagnosis.bouc_wen_base import elements_beside
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.density_alone import density_alone
+from pzt_ros.diagnosis.elements import EFFECTS_ON_ELEMENTS, Elements
 from pzt_ros.diagnosis.elimination import in_question, without
 from pzt_ros.diagnosis.flexible_preisach import FlexiblePreisach
 from pzt_ros.diagnosis.from_rest import hardly_moved, is_taken_for_virgin, poled_beside
 from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.identified_densities import Densities, on_densities, on_relays
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
+from pzt_ros.diagnosis.likeliest import beside_likeliest, on_lattice_soon, on_own_relays
 from pzt_ros.diagnosis.lopsided import lopsided_instead
-from pzt_ros.diagnosis.other_bases import (
-    EFFECTS_ON_ELEMENTS,
-    Densities,
-    Elements,
-    beside_likeliest,
-    on_densities,
-    on_lattice_soon,
-    on_own_relays,
-    on_relays,
-)
 from pzt_ros.diagnosis.past_instead import past_instead, poled_instead
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds

@@ -44,10 +44,10 @@ from pzt_ros.diagnosis.floor import displacement_floors
 from pzt_ros.diagnosis.found import tried_candidates
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
+from pzt_ros.diagnosis.identified_densities import _on_all_seen
 from pzt_ros.diagnosis.informed import informed
 from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.less_effects import less_effects
-from pzt_ros.diagnosis.other_bases import _on_all_seen
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.parts import parts_of
 from pzt_ros.diagnosis.refinement import detailed, off_bounds, refits

@@ -15,13 +15,16 @@ from pzt_ros.diagnosis import (
     beside_effects,
     branches,
     from_rest,
+    identified_densities,
     judge,
-    other_bases,
+    likeliest,
+    own_densities,
     past_instead,
     refinement,
     seeker,
     whole_runs,
 )
+from pzt_ros.diagnosis import elements as slips
 from pzt_ros.diagnosis import search as search_module
 from pzt_ros.diagnosis.base import fit_declared
 from pzt_ros.diagnosis.beside_effects import BesideEffects
@@ -58,7 +61,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "_first_far_off", lambda *_: None)
     monkeypatch.setattr(branches, "_on_own_relays_soon", lambda *_: None)
     monkeypatch.setattr(branches, "on_own_relays", lambda *_: None)
-    monkeypatch.setattr(other_bases, "told_beyond_pasts", lambda found, *_: found)
+    monkeypatch.setattr(identified_densities, "told_beyond_pasts", lambda found, *_: found)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
 
 
@@ -302,7 +305,7 @@ def test_what_a_past_is_off_by_is_no_drift_by_chance(
     monkeypatch.setattr(Search, "run", lambda self, found: searched.append(found) or [Step(found, (), {}, (), (), "")])
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: wanders.append(base) or steps)
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
     found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert len(searched) == len(wanders) == asked
@@ -342,7 +345,7 @@ def test_two_effects_beside_the_declared_density_are_believed_before_one_beside_
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(found, (), {}, (), (), "")])
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: [pair])
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(branches, "on_densities", lambda *_: [seen])
     monkeypatch.setattr(branches, "_on_free_law", lambda *_: None)
     found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
@@ -362,7 +365,7 @@ def test_the_search_begins_anew_on_the_base_that_does_as_well_as_an_effect(monke
 
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
-    monkeypatch.setattr(other_bases.Elements, "tell", lambda self, asked: False)
+    monkeypatch.setattr(slips.Elements, "tell", lambda self, asked: False)
     (branch,) = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert branch.base is better
     assert searched == [declared]  # the better one is at the noise
@@ -412,7 +415,7 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "is_half_told", lambda self, steps: False)
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, base: steps)
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(branches, "on_densities", lambda *_: [Branch("identified", leaving(1.0, 1.0), ())])
     first, second = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert len(searched) == (0 if takes_all else 1)
@@ -444,8 +447,8 @@ def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     monkeypatch.setattr(branches, "_better", lambda declared, steps: declared)
     free = Branch("gaussian", declared, (step,), has_free_law=True) if lawful else None
     monkeypatch.setattr(branches, "_on_free_law", lambda declared, steps, search: free)
-    monkeypatch.setattr(other_bases.Elements, "branches", other("elements"))
-    monkeypatch.setattr(other_bases.Elements, "tell", lambda self, asked: False)
+    monkeypatch.setattr(slips.Elements, "branches", other("elements"))
+    monkeypatch.setattr(slips.Elements, "tell", lambda self, asked: False)
     monkeypatch.setattr(branches, "on_densities", other("relays"))
     found = branches._searched(Bases(declared), Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert found[0].final is named
@@ -469,8 +472,8 @@ def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
     """A court case: without a lag of 10 x their loops went the other way round; named on them, it left 3.5 x."""
     declared, found = leaving(6.0, 6.0), leaving(1.6, 1.6, effects=effects)
     base, there = leaving(alone, alone), leaving(beside or 0.0, beside or 0.0, effects=effects)
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda found, progress: there if found.effects else base)
-    monkeypatch.setattr(other_bases, "without_effects", lambda found: found)
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda found, progress: there if found.effects else base)
+    monkeypatch.setattr(slips, "without_effects", lambda found: found)
     begun: list[Any] = []
 
     def run(self: Search, found: Any) -> list[Step]:
@@ -480,7 +483,7 @@ def test_elements_that_slip_are_judged_beside_the_effect_that_was_named(
 
     monkeypatch.setattr(Search, "run", run)
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
-    searched = other_bases.Elements(declared, Search()).branches(found, Thresholds())
+    searched = slips.Elements(declared, Search()).branches(found, Thresholds())
     assert [branch.base for branch in searched] == ([base] if begins else [])
     assert (begun[0] if begun else None) is {"base": base, "beside": there, None: None}[begins]
 
@@ -509,11 +512,11 @@ def test_relays_without_a_rate_end_the_search_where_they_tell_nearly_all(
     for each in (base, final):
         each.choosing, each.staged = True, SimpleNamespace(ceramic=SimpleNamespace(knows_no_rate=True), has_past=False)
     winner = SimpleNamespace(after=final, name="amplifier_bandwidth")
-    monkeypatch.setattr(other_bases, "fit_rate_independent", lambda *_: base)
+    monkeypatch.setattr(identified_densities, "fit_rate_independent", lambda *_: base)
     monkeypatch.setattr(Search, "run", lambda self, found: [Step(base, (), {}, (winner,), (), "")])  # type: ignore[arg-type]
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: [*steps])
     asked = Thresholds() if declares else Thresholds().on_undeclared()
-    densities = other_bases.Densities(Bases(declared), Search(asked.on_flexible()))
+    densities = identified_densities.Densities(Bases(declared), Search(asked.on_flexible()))
     assert densities.tell(asked) is named
     assert not named or densities.on_relays.final is (base if alone == 1.0 else final)
 
@@ -541,10 +544,10 @@ def test_a_lattice_that_alone_comes_near_the_noise_is_searched_first(
     is_so: bool,
 ) -> None:
     """A court null, tilted, of which nothing was declared: 264 s, 240 of them for effects at 9.8 x; 36 s now."""
-    monkeypatch.setattr(other_bases, "fit_flexible", lambda *_: leaving(lattice, lattice))
+    monkeypatch.setattr(identified_densities, "fit_flexible", lambda *_: leaving(lattice, lattice))
     bases = Bases(leaving(declared, declared), leaving(relays, relays))
     others: Any = SimpleNamespace(base=leaving(elements, elements))
-    assert other_bases.Densities(bases, Search()).lattice_outdoes(others, Thresholds()) is is_so
+    assert identified_densities.Densities(bases, Search()).lattice_outdoes(others, Thresholds()) is is_so
 
 
 @pytest.mark.parametrize(
@@ -562,8 +565,8 @@ def test_a_lattice_that_alone_comes_near_the_noise_is_searched_first(
 def test_a_lattice_that_leaves_far_less_ends_a_search_that_is_far_off(
     monkeypatch: pytest.MonkeyPatch, beside: float, lattice: tuple[float, float], is_so: bool
 ) -> None:
-    monkeypatch.setattr(other_bases, "fit_flexible", lambda *_: leaving(*lattice))
-    densities = other_bases.Densities(Bases(leaving(6.0, 6.0)), Search())
+    monkeypatch.setattr(identified_densities, "fit_flexible", lambda *_: leaving(*lattice))
+    densities = identified_densities.Densities(Bases(leaving(6.0, 6.0)), Search())
     assert densities.lattice_is_all(leaving(beside, beside), Thresholds()) is is_so
 
 
@@ -575,7 +578,7 @@ def test_a_density_that_bent_for_an_effect_shows_it_where_it_was_not_fitted(
     flexible, found = leaving(1.01, 1.5, 1.6), leaving(1.0, left, left, effects=("sensor_lag",) * effects)
     monkeypatch.setattr(Search, "run", lambda self, base: [Step(base, (), {}, (), (), "")])
     monkeypatch.setattr(Step, "after", property(lambda self: found))
-    branch = other_bases._foretold(flexible, Search())
+    branch = identified_densities._foretold(flexible, Search())
     assert (branch is not None) is is_so
     assert branch is None or (branch.base is flexible and branch.density == "identified")
 
@@ -589,7 +592,7 @@ def test_two_more_are_not_sought_beside_one_that_explains_nearly_all_on_a_densit
     step = Step(leaving(10.0, 10.0), (), {}, (SimpleNamespace(after=found, name="polarization_fatigue"),), (), "")
     monkeypatch.setattr(Search, "run", lambda self, base: [step])
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, base: asked.append(base) or steps)
-    branch = other_bases._on_density(step.before, Search())
+    branch = identified_densities._on_density(step.before, Search())
     assert branch.final is found
     assert len(asked) == pairs
 
@@ -844,7 +847,7 @@ def test_of_effects_that_are_late_only_the_likeliest_has_a_lattice_identified_be
     worth: Any = [SimpleNamespace(name=name, cause=name) for name in names]
     asked: Any = []
     beside: Any = SimpleNamespace(on_own_densities=lambda *given: asked.extend(given))
-    other_bases._on_own_densities(beside, worth, lambda candidate: candidate.name)
+    own_densities.on_own_densities(beside, worth, lambda candidate: candidate.name)
     found, _, others = asked
     assert found == {"amplifier_bandwidth": "amplifier_bandwidth", "thermal_drift": "thermal_drift"}
     assert others == ["mechanical_resonance", "sensor_lag", "slow_relaxation"]
@@ -915,8 +918,8 @@ def test_lattices_of_their_own_are_tried_where_one_effect_leaves_too_much(
     causes = {"bias_field": "bias_field", "imprint": "bias_field", "polarization_fatigue": "polarization_fatigue"}
     found: Any = [SimpleNamespace(name=name, cause=cause, after=left, share=0.67) for name, cause in causes.items()]
     step: Any = Step(seen, tuple(found), {}, (found[0],), (), "")
-    own, asked_of = other_bases.Branch("identified", flexible, ()), []
-    monkeypatch.setattr(other_bases, "fitted_to_all", lambda found: seen)
+    own, asked_of = Branch("identified", flexible, ()), []
+    monkeypatch.setattr(identified_densities, "fitted_to_all", lambda found: seen)
     monkeypatch.setattr(Search, "step", lambda self, before: step)
     monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
     monkeypatch.setattr(Search, "continued", lambda self, steps, before: [*steps])
@@ -924,7 +927,7 @@ def test_lattices_of_their_own_are_tried_where_one_effect_leaves_too_much(
     monkeypatch.setattr(
         BesideEffects, "on_own_densities", lambda self, found, *_: asked_of.extend(found) or (own if told else None)
     )
-    branch = other_bases._on_all_seen(flexible, Thresholds(), Search(Thresholds().on_lattice()))
+    branch = identified_densities._on_all_seen(flexible, Thresholds(), Search(Thresholds().on_lattice()))
     assert asked_of == (["bias_field", "polarization_fatigue"] if tries else [])  # a variant is no other answer
     assert (branch is own) is (tries and told)
     assert branch is own or branch.steps == (step,)
@@ -949,12 +952,12 @@ def test_the_likeliest_effects_are_tried_each_on_a_lattice_of_its_own(
         SimpleNamespace(name=name, cause=cause or name, after=leaving(left, left, effects=(name,)), fit_share=share)
         for (name, cause), share in zip(causes.items(), shares, strict=True)
     ]
-    own, found = other_bases.Branch("identified", leaving(1.0, 1.0), ()), {}
+    own, found = Branch("identified", leaving(1.0, 1.0), ()), {}
     densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), lattice_takes=60.0)
     monkeypatch.setattr(BesideEffects, "on_own_densities", lambda self, places, *_: found.update(places) or own)
-    assert other_bases.beside_likeliest(tried, densities, Search()) is (own if asked_of else None)
+    assert likeliest.beside_likeliest(tried, densities, Search()) is (own if asked_of else None)
     assert list(found) == asked_of
-    assert other_bases.beside_likeliest(tried, densities, Search(limit=TimeLimit(50.0))) is None  # a lattice takes 60 s
+    assert likeliest.beside_likeliest(tried, densities, Search(limit=TimeLimit(50.0))) is None  # a lattice takes 60 s
     assert all(place.effects == (name,) for name, place in found.items())
 
 
@@ -996,9 +999,9 @@ def test_elements_that_leave_much_beside_each_effect_are_too_few(
     candidates = tuple(
         SimpleNamespace(name=name, after=leaving(left, left)) for name, left in (("a", 5.0), ("b", beside))
     )
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(elements, elements))
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda *_: leaving(elements, elements))
     monkeypatch.setattr(Search, "step", lambda self, before: SimpleNamespace(candidates=candidates))
-    slipping = other_bases.Elements(leaving(11.0, 11.0), Search())
+    slipping = slips.Elements(leaving(11.0, 11.0), Search())
     assert slipping.tried == ()  # nothing was asked for yet
     assert slipping.leave_much(Thresholds()) is is_much
     assert slipping.tried == (candidates if 1.0 < elements < 8.0 else ())
@@ -1022,7 +1025,7 @@ def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
 
     there = [refit("polarization_fatigue", 0.92), refit("thermal_drift", 0.64), refit("imprint", 0.14)]
     here: Any = [refit("sensor_nonlinearity", 0.72), refit("imprint", 0.77), refit("thermal_drift", 0.4)]
-    own, asked = other_bases.Branch("identified", leaving(1.0, 1.0), ()), []
+    own, asked = Branch("identified", leaving(1.0, 1.0), ()), []
     densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), search=Search(Thresholds().on_flexible()))
 
     def at_a_glance(self: Search, before: Any) -> list[Any]:
@@ -1037,7 +1040,7 @@ def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
         return own if told in found else None
 
     monkeypatch.setattr(BesideEffects, "on_own_densities", on_own)
-    assert other_bases.on_lattice_soon(here, densities, Search()) is (own if asked_of else None)
+    assert likeliest.on_lattice_soon(here, densities, Search()) is (own if asked_of else None)
     assert asked == asked_of
 
 
@@ -1059,18 +1062,18 @@ def test_the_likeliest_effects_beside_elements_are_tried_each_on_relays_of_its_o
     pairs = zip(names, shares, strict=True)
     tried: Any = tuple(SimpleNamespace(name=name, cause=name, fit_share=share) for name, share in pairs)
     slipping: Any = SimpleNamespace(tried=tried if is_searched else (), base=leaving(elements, elements))
-    relays, own = leaving(5.4, 6.0), other_bases.Branch("identified", leaving(1.0, 1.0), ())
+    relays, own = leaving(5.4, 6.0), Branch("identified", leaving(1.0, 1.0), ())
     densities: Any = SimpleNamespace(declared=leaving(11.0, 11.0), relays=relays, search=Search())
     bent: list[Any] = []
     monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: bent.append(bare) or (bare, *names))
 
     def on_own(self: Any, found: Any, identify: Any, others: Any) -> Any:
-        assert identify is other_bases.fit_rate_independent
+        assert identify is identified_densities.fit_rate_independent
         assert list(found.values()) == [(relays, name) for name in asked_of]
         return own if found else None
 
     monkeypatch.setattr(BesideEffects, "on_own_densities", on_own)
-    assert other_bases.on_own_relays(slipping, densities, Thresholds()) is (own if asked_of else None)
+    assert likeliest.on_own_relays(slipping, densities, Thresholds()) is (own if asked_of else None)
     assert bent == [relays] * len(asked_of)
 
 
@@ -1110,7 +1113,7 @@ def test_readings_that_wander_on_another_base_are_asked_before_two_effects_where
     monkeypatch.setattr(Search, "with_wandering", lambda self, steps, found: asked_of.append("wandering") or [chance])
     monkeypatch.setattr(Search, "with_pair", lambda self, steps, found: asked_of.append("pair") or [*steps])
     monkeypatch.setattr(Search, "explains", lambda self, steps, found: explains)
-    for searched in (other_bases._on_density, other_bases.Elements._searched):
+    for searched in (identified_densities._on_density, slips.Elements._searched):
         branch = searched(base, Search(Thresholds().on_flexible()))
         assert (branch.steps == (chance,)) is wanders
         assert asked_of[-1] == ("wandering" if wanders else "pair")
@@ -1234,8 +1237,8 @@ def test_elements_that_tell_all_end_the_search_where_nothing_was_declared(
     elements = SimpleNamespace(excess=left * declared.excess)
     told = SimpleNamespace(final=leaving(1.0, 1.0), explains=lambda asked: tells)
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: elements)
-    monkeypatch.setattr(other_bases.Elements, "_searched", staticmethod(lambda base, search, first=None: told))
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda *_: elements)
+    monkeypatch.setattr(slips.Elements, "_searched", staticmethod(lambda base, search, first=None: told))
     monkeypatch.setattr(branches, "_may_hide_a_past", lambda *_: False)
     asked = Thresholds() if knows else Thresholds().on_undeclared()
     bases = Bases(declared, is_known=knows)
@@ -1272,14 +1275,14 @@ def test_a_base_of_whole_runs_is_not_taken_for_one_with_a_past_again(monkeypatch
     cut.staged = virgin.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
     searched: list[Any] = []
     monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
-    monkeypatch.setattr(other_bases, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
+    monkeypatch.setattr(slips, "fit_bouc_wen", lambda *_: leaving(99.0, 99.0))
     monkeypatch.setattr(Search, "run", lambda self, place: searched.append(place) or [Step(place, (), {}, (), (), "")])
     monkeypatch.setattr(branches, "_sooner", lambda *_: [])
     monkeypatch.setattr(branches, "whole_instead", lambda steps, search: virgin if steps[-1].after is cut else None)
     monkeypatch.setattr(branches, "past_instead", lambda steps, asked: cut)
     monkeypatch.setattr(branches, "_shapes_come_down", lambda *_: False)
     monkeypatch.setattr(branches, "_ended", lambda declared, *_: [Branch("gaussian", declared, ())])
-    monkeypatch.setattr(other_bases.Densities, "lattice_is_all", lambda *_: False)
+    monkeypatch.setattr(identified_densities.Densities, "lattice_is_all", lambda *_: False)
     bases = Bases(cut, is_known=True)
     (branch,) = branches._searched(bases, Thresholds(), lambda text: None, IN_THIS_PROCESS, TimeLimit())
     assert searched == [cut, virgin]
@@ -1294,8 +1297,8 @@ def test_on_relays_a_second_effect_is_sought_near_the_noise_only(
     after = leaving(left, left, effects=("slow_relaxation",))
     first: Any = SimpleNamespace(accepted=("slow_relaxation",), tied=(), after=after)
     searched: list[Search] = []
-    monkeypatch.setattr(other_bases, "_on_relays_from_rest", lambda relays, search: searched.append(search))
+    monkeypatch.setattr(identified_densities, "_on_relays_from_rest", lambda relays, search: searched.append(search))
     relays = leaving(7.0, 7.0)
-    other_bases.on_relays(relays, Search(Thresholds().on_flexible()))
+    identified_densities.on_relays(relays, Search(Thresholds().on_flexible()))
     (search,) = searched
     assert search._goes_on([first], relays) is goes_on

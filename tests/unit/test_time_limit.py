@@ -17,7 +17,7 @@ from pzt_ros.chains import load_chain
 from pzt_ros.cli import main
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.diagnose import diagnose
-from pzt_ros.diagnosis.other_bases import Densities, on_densities
+from pzt_ros.diagnosis.identified_densities import Densities, on_densities
 from pzt_ros.diagnosis.report import Report
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds

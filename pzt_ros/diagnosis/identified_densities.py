@@ -1,106 +1,24 @@
-"""Bases in place of a declared ceramic: elements that slip, relays that know no rate, a lattice; with their effects."""
+"""Densities in place of a declared one: relays that know no rate, a lattice; with the effects beside them."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
-from pzt_ros.diagnosis.beside_effects import BesideEffects, Identify
-from pzt_ros.diagnosis.bouc_wen_base import fit_bouc_wen
+from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.branch import Branch
-from pzt_ros.diagnosis.candidates import Candidate, Step
+from pzt_ros.diagnosis.elements import Elements
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
-from pzt_ros.diagnosis.hypothesis import Hypothesis, without_effects
+from pzt_ros.diagnosis.hypothesis import Hypothesis
+from pzt_ros.diagnosis.own_densities import on_own_lattices
 from pzt_ros.diagnosis.reach_of_pasts import told_beyond_pasts
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.undeclared import Bases
-from pzt_ros.effects.bias_field import BiasField
+from pzt_ros.diagnosis.wandering_instead import wandering_instead
 from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHysteresis
-from pzt_ros.effects.table import EFFECTS, LATE
-from pzt_ros.effects.thermal_drift import ThermalDrift
-
-_OWN = 2  # effects that are tried each on a lattice of its own
-EFFECTS_ON_ELEMENTS = tuple(effect for effect in EFFECTS if effect.link is not BiasField)
-"""Elements that slip know no field at which nothing is displaced, so a bias is only where a run finds them."""
-
-
-@dataclass(frozen=True)
-class Elements:
-    """Elements that slip in place of a declared density, fitted and searched when they are first asked for.
-
-    Attributes:
-        declared: the fitted declared model.
-        search: on elements.
-    """
-
-    declared: Hypothesis
-    search: Search
-
-    @cached_property
-    def base(self) -> Hypothesis:
-        """Without an effect."""
-        return fit_bouc_wen(self.declared, self.search.progress)
-
-    @cached_property
-    def first(self) -> Step:
-        """The first step of the search on it."""
-        return self.search.step(self.base)
-
-    @cached_property
-    def branch(self) -> Branch:
-        """The search on it."""
-        return self._searched(self.base, self.search, self.__dict__.get("first"))
-
-    @property
-    def searched(self) -> list[Branch]:
-        """The searches that were asked for."""
-        return [self.branch] if "branch" in self.__dict__ else []
-
-    @property
-    def tried(self) -> Sequence[Candidate]:
-        """The refits of that step, where the search was begun."""
-        begun = [self.first] if "first" in self.__dict__ else [step for each in self.searched for step in each.steps]
-        return begun[0].candidates if begun else ()
-
-    def leave_much(self, asked: Thresholds) -> bool:
-        """Whether they leave far less than the declared base, and yet much beside each effect: they are too few."""
-        if self.search.at_floor(self.base) or self.base.excess > asked.outdone * self.declared.excess:
-            return False
-        best = min(self.first.candidates, key=lambda each: each.after.total, default=None)
-        return best is not None and best.after.fit.ratio > asked.rateless_nameable
-
-    def tell(self, asked: Thresholds) -> bool:
-        """Whether they explain all, or leave far less than the declared base and are searched to near the noise."""
-        base = self.base
-        if base.excess > asked.elements_outdone * self.declared.excess:
-            return False
-        is_far_better = base.excess <= asked.outdone * self.declared.excess
-        is_near = is_far_better and self.branch.final.fit.ratio <= asked.rateless_nameable
-        return is_near or self.branch.explains(asked)
-
-    def branches(self, found: Hypothesis, asked: Thresholds) -> list[Branch]:
-        """The search on elements, where they leave far less than another base beside the same effects or without any.
-
-        A large effect hides by how much they are better, and leads them astray where they are fitted without it: then
-        the search begins with what they are beside it.
-        """
-        beside = fit_bouc_wen(found, self.search.progress) if found.effects else None
-        if beside is not None and beside.excess <= asked.outdone * found.excess:
-            place = without_effects(beside)
-            return [self._searched(self.base, dataclasses.replace(self.search, sooner=lambda: [place]))]
-        return [self.branch] if self.base.excess <= asked.outdone * self.declared.excess else []
-
-    @staticmethod
-    def _searched(base: Hypothesis, search: Search, first: Step | None = None) -> Branch:
-        if search.at_floor(base):
-            return Branch("none", base, ())
-        branch = Branch("none", base, tuple(search.continued([first], base) if first else search.run(base)))
-        wandering = _wandering_instead(branch, search)
-        return wandering or dataclasses.replace(branch, steps=tuple(search.with_pair(branch.steps, base)))
 
 
 @dataclass(frozen=True)
@@ -309,24 +227,10 @@ def _on_density(base: Hypothesis, search: Search) -> Branch:
     branch = Branch("identified", base, tuple(search.run(base)))
     if branch.is_told(search.thresholds):
         return branch
-    wandering = _wandering_instead(branch, search)
+    wandering = wandering_instead(branch, search)
     if wandering is not None:
         return wandering
     return dataclasses.replace(branch, steps=tuple(search.with_pair(branch.steps, base)))
-
-
-def _wandering_instead(branch: Branch, search: Search) -> Branch | None:
-    """Readings that wander on another base, where a drift explains most of what was fitted, and they explain all.
-
-    Between runs they go their own way, so that the best of straight drifts may foretell what chooses hardly: one of
-    10 x explained 82 % of what was fitted and 58 % in all, and had two effects tried at once for 90 s.
-    """
-    tried = branch.steps[0].candidates if branch.steps else ()
-    likeliest = max(tried, key=lambda candidate: candidate.fit_share, default=None)
-    if likeliest is None or likeliest.name != ThermalDrift.kind:
-        return None
-    steps = search.with_wandering(branch.steps, branch.base)
-    return dataclasses.replace(branch, steps=tuple(steps)) if search.explains(steps, branch.base) else None
 
 
 def _on_all_seen(flexible: Hypothesis, asked: Thresholds, on_lattice: Search) -> Branch:
@@ -344,105 +248,5 @@ def _on_all_seen(flexible: Hypothesis, asked: Thresholds, on_lattice: Search) ->
         return Branch("identified", seen, (), is_all_seen=True)
     first = search.step(seen)
     has_bent = flexible.fit.ratio > asked.floor and first.after.fit.ratio > asked.doubtful
-    own = _on_own_lattices(flexible, first, BesideEffects(on_lattice, asked)) if has_bent else None
+    own = on_own_lattices(flexible, first, BesideEffects(on_lattice, asked)) if has_bent else None
     return own or Branch("identified", seen, tuple(search.continued([first], seen)), is_all_seen=True)
-
-
-def _on_own_lattices(flexible: Hypothesis, first: Step, beside: BesideEffects) -> Branch | None:
-    """The effects that explain enough of what a lattice leaves, each on one of its own, where nothing is left there.
-
-    A lattice identified without an effect has bent for it. Of a bias field of 10 x beside tilted densities it left 1.9
-    to 6 x and with it still 1.5 to 3, and took a drift beside it to the noise; beside it, it left the noise.
-    """
-    asked = beside.asked
-    worth = [c for c in first.candidates if beside.search.is_significant(c) and c.share >= asked.share]
-    return _on_own_densities(beside, worth, lambda each: beside.search.with_effects(flexible, [each.name]))
-
-
-def beside_likeliest(candidates: Sequence[Candidate], densities: Densities, search: Search) -> Branch | None:
-    """The effects that explain most beside a declared density, each on a lattice of its own, where one leaves nothing.
-
-    Two kinds of domains with a bias field of 10 x left Gaussians 8.5 x and with it 4.2 x, which was not enough for a
-    name, a lattice 3.9 x, which had bent for it, and a lattice beside it the noise. Where a lattice alone leaves far
-    less than such an effect, it is the density that is wrong.
-
-    Args:
-        candidates: tried beside the declared density.
-        densities: in its place.
-        search: beside it.
-    """
-    asked = search.thresholds
-    worth = [c for c in candidates if c.fit_share >= asked.share and c.after.fit.ratio <= asked.reachable]
-    if all(densities.lattice.excess <= asked.outdone * each.after.excess for each in worth):
-        return None
-    if search.limit.is_over(densities.lattice_takes):
-        return None
-    beside = BesideEffects(dataclasses.replace(search, thresholds=asked.on_lattice()), asked)
-    return _on_own_densities(beside, sorted(worth, key=lambda candidate: -candidate.fit_share), _as_tried)
-
-
-def on_lattice_soon(candidates: Sequence[Candidate], densities: Densities, search: Search) -> Branch | None:
-    """The likeliest effects on a lattice, or else those beside a declared density, each on one of its own.
-
-    Far from the noise an effect beside a density that is wrong says little: of a fatigue of 10 x beside tilted
-    densities Gaussians with a bias field left least, and a lattice with the fatigue the noise, twenty seconds later.
-
-    Args:
-        candidates: tried beside the declared density.
-        densities: in its place.
-        search: beside it.
-    """
-    asked = search.thresholds
-    on_lattice = dataclasses.replace(densities.search, thresholds=asked.on_lattice())
-    if on_lattice.at_floor(densities.lattice):
-        return None
-    beside = BesideEffects(on_lattice, asked)
-    glance = dataclasses.replace(densities.search, thresholds=asked.at_a_glance())
-    there = [c for c in glance.beside(densities.lattice) if glance.is_significant(c)]
-    here = sorted((c for c in candidates if c.after.fit.ratio <= asked.reachable), key=lambda c: -c.fit_share)
-    for some in (there, here):
-        own = _on_own_densities(beside, [each for each in some if each.fit_share >= asked.share], _as_tried)
-        if own is not None or search.limit.is_over():
-            return own
-    return None
-
-
-def on_own_relays(elements: Elements, densities: Densities, asked: Thresholds) -> Branch | None:
-    """The effects that explain most of what elements leave, each on relays of its own, where one leaves nothing.
-
-    Elements that leave far less than a declared density tell a stage that knows no rate, and its effect, with too few
-    numbers for its shape. Relays have enough, but bend: beside plays with a hysteresis of the strain of 10 x the noise
-    elements left 2 to 3 x and relays 5 to 8 x, which are searched for two minutes and more; beside it, the noise.
-    """
-    if elements.base.excess > asked.outdone * densities.declared.excess:
-        return None
-    worth = [each for each in elements.tried if each.fit_share >= asked.share]
-    search, relays = densities.search, densities.relays
-    beside = BesideEffects(search, asked)
-    return _on_own_densities(beside, worth, lambda each: search.with_effects(relays, [each.name]), fit_rate_independent)
-
-
-def _on_own_densities(
-    beside: BesideEffects,
-    worth: Sequence[Candidate],
-    begun: Callable[[Candidate], Hypothesis],
-    identify: Identify = fit_flexible,
-) -> Branch | None:
-    """The first of them each on a density of its own, of another cause each: two variants are no two answers.
-
-    Args:
-        beside: the search there.
-        worth: it, the likeliest first; the others are tried on the density of one that is as late.
-        begun: where a candidate begins.
-        identify: a density.
-    """
-    best_of_cause = {each.cause: each for each in reversed(worth)}
-    each_cause = [each for each in worth if best_of_cause[each.cause] is each]
-    late = [each for each in each_cause if each.name in LATE]
-    likeliest = [each for each in each_cause if each not in late[1:]][:_OWN]
-    others = [each.name for each in each_cause if each not in likeliest]
-    return beside.on_own_densities({each.name: begun(each) for each in likeliest}, identify, others)
-
-
-def _as_tried(candidate: Candidate) -> Hypothesis:
-    return candidate.after
