@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pzt_ros.diagnosis.programme import Programme
+from pzt_ros.effects.confounded import LATE_OR_LIMITED
 from pzt_ros.effects.table import CONFOUNDED, EFFECT_OF, reported
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
@@ -248,12 +249,15 @@ def for_unexplained(bench: Bench) -> Programme:
     return made.to(bench.at(0.6)).hold(5.0)
 
 
-_LATE = ("sensor_lag", "amplifier_bandwidth", "mechanical_resonance", "amplifier_current_limit")
+_SLOW_OR_CURVED = ("slow_relaxation", "sensor_nonlinearity")
 
 DESIGNS: dict[frozenset[str], Design] = {
-    **{frozenset(pair): _fast for pair in itertools.combinations(_LATE, 2)},
-    **{frozenset(pair): _frequencies for pair in itertools.product(_LATE, ("slow_relaxation", "sensor_nonlinearity"))},
-    frozenset(("slow_relaxation", "sensor_nonlinearity")): _frequencies,
+    **{frozenset(pair): _fast for pair in itertools.combinations(LATE_OR_LIMITED, 2)},
+    **{
+        frozenset(pair): _frequencies
+        for pair in itertools.product(LATE_OR_LIMITED, ("slow_relaxation", "sensor_nonlinearity"))
+    },
+    frozenset(_SLOW_OR_CURVED): _frequencies,
     frozenset(("slow_relaxation", "thermal_drift")): _holds,
     frozenset(("polarization_fatigue", "thermal_drift")): _pause,
     frozenset(("polarization_fatigue", "slow_relaxation")): _pause,

@@ -6,7 +6,7 @@ _SHARP = "small steps, short tall pulses and a chirp, sampled at ten times the s
 _LATE = ("sensor_lag", "amplifier_bandwidth", "mechanical_resonance")
 LATE = frozenset(_LATE)
 """Effects that make a reading late by a while: a density identified beside one of them is nearly right for all."""
-_LATE_OR_LIMITED = (*_LATE, "amplifier_current_limit")
+LATE_OR_LIMITED = (*_LATE, "amplifier_current_limit")
 
 _HEIGHTS = "Run steps of two heights, one five times the other: with a limit the time to settle grows with the height."
 _RINGS = f"Run {_SHARP}: a mode overshoots, a lag does not."
@@ -25,8 +25,8 @@ _PAIRS: tuple[tuple[str, str, str], ...] = (
     ("amplifier_current_limit", "amplifier_bandwidth", _HEIGHTS),
     ("amplifier_current_limit", "sensor_lag", _HEIGHTS),
     ("amplifier_current_limit", "mechanical_resonance", _HEIGHTS),
-    *((late, "slow_relaxation", f"{_LAG}, creep hardly does.") for late in _LATE_OR_LIMITED),
-    *((late, "sensor_nonlinearity", f"{_LAG}, the sensor's curve stays.") for late in _LATE_OR_LIMITED),
+    *((late, "slow_relaxation", f"{_LAG}, creep hardly does.") for late in LATE_OR_LIMITED),
+    *((late, "sensor_nonlinearity", f"{_LAG}, the sensor's curve stays.") for late in LATE_OR_LIMITED),
     ("slow_relaxation", "sensor_nonlinearity", f"{_DECADES}: the sensor's curve stays, creep does not."),
     (
         "slow_relaxation",
