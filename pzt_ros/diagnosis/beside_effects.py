@@ -69,7 +69,7 @@ class BesideEffects:
             found = identify(final, self.search.progress, self.search.workers)
             if tells_all(found, self.asked):
                 whole = self._on_whole_runs(found, found.effects[0], identify) if len(found.effects) == 1 else found
-                branch = self._judged(whole)
+                branch = self.judged(whole)
                 return branch if branch is not None and branch.explains(self.asked) else None
         return None
 
@@ -88,7 +88,7 @@ class BesideEffects:
         if not told:
             return None
         best, *others = sorted(told, key=lambda name: told[name].total)
-        branch = self._judged(self._on_whole_runs(told[best], best, identify), tried=frozenset(tried))
+        branch = self.judged(self._on_whole_runs(told[best], best, identify), tried=frozenset(tried))
         if branch is None or not branch.explains(self.asked):
             return None
         (step,) = branch.steps
@@ -157,7 +157,7 @@ class BesideEffects:
         whole = self._in_turn(begun, identify).get(name)
         return whole if whole is not None and tells_all(whole, self.asked) else found
 
-    def _judged(self, found: Hypothesis, tried: frozenset[str] = frozenset()) -> Branch | None:
+    def judged(self, found: Hypothesis, tried: frozenset[str] = frozenset()) -> Branch | None:
         """Each name against the same density refitted without it, and without those that were found after it.
 
         Args:

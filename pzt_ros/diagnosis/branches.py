@@ -30,7 +30,7 @@ from pzt_ros.diagnosis.staged import Progress
 from pzt_ros.diagnosis.strain_laws import with_free_law
 from pzt_ros.diagnosis.time_limit import TimeLimit
 from pzt_ros.diagnosis.undeclared import Bases
-from pzt_ros.diagnosis.whole_runs import of_whole_runs, whole_instead
+from pzt_ros.diagnosis.whole_runs import of_whole_runs, on_all_samples, whole_instead
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.parallel import Workers
 from pzt_ros.physics.polycrystal import Polycrystal
@@ -44,14 +44,15 @@ def branches_of(
     bases: Bases, asked: Thresholds, progress: Progress, workers: Workers, limit: TimeLimit
 ) -> list[Branch]:
     """The searches on every base that was worth it, the declared one first, with the names that can be trusted."""
+    on_flexible = Search(asked.on_flexible(), progress=progress, workers=workers, limit=limit)
     if isinstance(bases.declared.staged.ceramic, FlexiblePreisach):  # which was found because nothing was declared
-        search = Search(asked.on_flexible(), progress=progress, workers=workers, limit=limit)
-        found = [on_relays(bases.declared, search)]
+        found = [on_relays(bases.declared, on_flexible)]
     else:
-        on_lattice = Search(asked.on_lattice(), progress=progress, workers=workers, limit=limit)
+        on_lattice = dataclasses.replace(on_flexible, thresholds=asked.on_lattice())
         asked = asked.on_shaped() if is_shaped(bases.declared) else asked
         found = _searched(bases, asked, progress, workers, limit)
         found = [density_alone(branch, on_lattice) for branch in found]
+    found = [on_all_samples(branch, on_flexible) for branch in found]
     found = [dataclasses.replace(branch, steps=tuple(in_question(branch.steps))) for branch in found]
     return [_trusted(branch, found, asked, limit) for branch in found]
 
