@@ -6,16 +6,24 @@ import pytest
 
 LONGEST = (
     "test_diagnosis.py",
-    "test_unknown_past.py",
-    "test_rate_independent_base.py",
-    "test_undeclared.py",
     "test_shaped.py",
-    "test_poled_beside_effects.py",
-    "test_figures.py",
-    "test_scale_of_polarization.py",
+    "test_relays_first.py",
+    "test_elsewhere.py",
+    "test_formula.py",
+    "test_lattice_pasts.py",
+    "test_rate_independent_base.py",
+    "test_unknown_past.py",
+    "test_undeclared.py",
+    "test_packages.py",
     "test_shortcuts.py",
-    "test_relays_with_pasts.py",
     "test_time_limit.py",
+    "test_fatigue_zero.py",
+    "test_reach_of_pasts.py",
+    "test_court.py",
+    "test_poled_beside_effects.py",
+    "test_relays_with_pasts.py",
+    "test_scale_of_polarization.py",
+    "test_figures.py",
 )
 """In tests/unit, as CI says; other folders stay before that, for they compile what these need."""
 
