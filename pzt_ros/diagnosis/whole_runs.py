@@ -60,14 +60,14 @@ def whole_beside(found: Hypothesis) -> Hypothesis | None:
 
 
 def on_all_samples(branch: Branch, search: Search) -> Branch:
-    """The branch on all samples, where its effects leave nothing of those, either; else itself.
+    """The branch on all samples, where nothing is left of those, either; else itself.
 
-    Relays and elements are told where no past reaches before an effect is found. A hysteresis of the strain beside
-    plays was named with 2 x the noise left of whole runs, and 6.7 x of those that score, which began where no sample
-    counted; relays fitted beside it to all samples left the noise of every run.
+    Relays and elements count what the declared base did, which may have taken what it lacks for pasts. A hysteresis of
+    the strain beside plays was named with 2 x the noise left of whole runs, and 6.7 x of those that score, which began
+    where no sample counted; relays fitted beside it to all samples left the noise of every run.
     """
     final = branch.final
-    if not final.effects or any(step.tied for step in branch.steps) or search.limit.is_over():
+    if any(step.tied or not step.accepted for step in branch.steps) or search.limit.is_over():
         return branch
     ceramic, runs = final.staged.ceramic, final.staged.runs
     is_declared = isinstance(ceramic, DeclaredHysteresis) and isinstance(ceramic.model, Polycrystal)
@@ -78,7 +78,7 @@ def on_all_samples(branch: Branch, search: Search) -> Branch:
         whole = fit_rate_independent(whole, search.progress, search.workers)
     if max(whole.ratios) > search.thresholds.near_floor:
         return branch
-    judged = BesideEffects(search, search.thresholds).judged(whole)
-    if judged is None or not judged.explains(search.thresholds):
+    there = BesideEffects(search, search.thresholds).judged(whole) if final.effects else replace(branch, base=whole)
+    if there is None or not there.explains(search.thresholds):
         return branch
-    return replace(branch, base=judged.base, steps=judged.steps)
+    return replace(branch, base=there.base, steps=there.steps)

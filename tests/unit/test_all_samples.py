@@ -42,7 +42,7 @@ def behind(drive: Array, radius: float) -> Array:
     return out
 
 
-def run(seed: int, lead: float) -> RunData:
+def run(seed: int, lead: float, noise: float) -> RunData:
     """Turns at random on a stage that was never driven, behind a first way up to 150 V."""
     rng = np.random.default_rng(seed)
     turns = [0.0, 150.0, 0.0, *rng.uniform(0.0, 150.0, 22)]
@@ -50,20 +50,26 @@ def run(seed: int, lead: float) -> RunData:
     volts = np.concatenate([*legs, [turns[-1]]])
     p = 4e-4 * volts + sum(1.2e-4 * behind(volts, radius) for radius in RADII)  # C/m^2
     ahead = p + lead * (p - behind(p, 0.015)) / 0.015
-    read = 4e-5 * ahead + 2e-5 * ahead**2 + NOISE * rng.standard_normal(volts.size)
+    read = 4e-5 * ahead + 2e-5 * ahead**2 + noise * rng.standard_normal(volts.size)
     columns = {"time_s": np.arange(volts.size) / RATE, "voltage_V": volts, "displacement_m": read}
-    return RunData(Record(f"run-{seed}", columns), {}, NOISE)
+    return RunData(Record(f"run-{seed}", columns), {}, noise)
+
+
+def where_no_past_reaches(lead: float, noise: float = NOISE) -> Hypothesis:
+    """Relays without an effect."""
+    runs = split([run(1, lead, noise), run(2, lead, noise)], [run(3, lead, noise)])
+    base = begun(default_chain(runs), runs)
+    cut = [counted_where_no_past_reaches(each) for each in base.staged.runs]
+    beyond = dataclasses.replace(base.staged, runs=seen_through(base.staged.chain, cut))
+    with one_blas_thread():
+        return fit_rate_independent(fitted(beyond, base.vector), lambda text: None, IN_THIS_PROCESS)
 
 
 @pytest.fixture(scope="module")
 def told() -> Branch:
     """Relays and the hysteresis where no past reaches, as a search names it there."""
-    runs = split([run(1, 0.01), run(2, 0.01)], [run(3, 0.01)])
-    base = begun(default_chain(runs), runs)
+    bare = where_no_past_reaches(0.01)
     with one_blas_thread():
-        cut = [counted_where_no_past_reaches(each) for each in base.staged.runs]
-        beyond = dataclasses.replace(base.staged, runs=seen_through(base.staged.chain, cut))
-        bare = fit_rate_independent(fitted(beyond, base.vector), lambda text: None, IN_THIS_PROCESS)
         beside = Search(Thresholds().on_flexible()).with_effects(bare, [KIND])
         after = fit_rate_independent(beside, lambda text: None, IN_THIS_PROCESS)
     found = Candidate(KIND, bare, after)
@@ -86,6 +92,16 @@ def test_it_is_identified_on_all_samples_where_its_effect_leaves_nothing_of_them
     assert max(whole.final.ratios) < Thresholds().near_floor
     assert whole.final.effects == (KIND,)
     assert max(whole.base.ratios) > 2.0
+
+
+def test_so_it_is_where_nothing_is_missing() -> None:
+    bare = where_no_past_reaches(0.0, 3.0 * NOISE)  # beside that a density of two runs is right
+    assert all(each.since > 0 for each in bare.staged.runs)
+    with one_blas_thread():
+        whole = on_all_samples(Branch("identified", bare, ()), Search(Thresholds().on_flexible()))
+    assert not any(each.since for each in whole.base.staged.runs)
+    assert not whole.steps
+    assert max(whole.base.ratios) < Thresholds().near_floor
 
 
 def test_it_stays_where_a_past_is_what_it_seems(told: Branch) -> None:
