@@ -87,10 +87,16 @@ class Judge:
         """Whether it explains so much that it is named; beside one that it is taken for easily, nearly all of it."""
         before, asked = winner.before, self.thresholds
         if not before.effects:
-            return winner.share >= asked.share or (self.at_floor(winner.after) and not self.at_floor(before))
+            is_there = winner.share >= asked.share or self._tells_what_was_fitted(winner)
+            return is_there or (self.at_floor(winner.after) and not self.at_floor(before))
         causes = [EFFECT_OF[name].reported for name in before.effects]
         alike = any(frozenset((winner.cause, cause)) in CONFOUNDED for cause in causes)
         return winner.share >= (asked.pair_share if alike else asked.share)
+
+    def _tells_what_was_fitted(self, winner: Candidate) -> bool:
+        """Whether it is all that is missing where it was fitted, on a base that others may lack more of."""
+        asked = self.thresholds
+        return winner.fit_share >= asked.fitted_whole and winner.after.fit.ratio <= asked.near_floor
 
     def best_of(self, sound: Sequence[Candidate]) -> Candidate:
         """What leaves least; where that explains too little, the first that explains enough of what counts more.

@@ -28,6 +28,8 @@ class Thresholds:
         floor: rms over noise up to which nothing is left to explain.
         settled: the same up to which no refit from elsewhere is tried: a wrong effect may come down to 1.04.
         whole, near_floor: share of the excess and rms over noise with which effects are taken for all that is missing.
+        fitted_whole: share of the excess of what was fitted with which an effect that leaves it near the noise is
+            enough, however much is left where it was not: relays may lack there what no run told of their density.
         nameable: rms over noise, where it was fitted, up to which what is left lets names be trusted: with more, the
             base lacks something else, and an effect may only stand in for it.
         unchecked_nameable: the same for names that stand alone where no run says whether they hold beyond the fit.
@@ -105,6 +107,7 @@ class Thresholds:
             too, from which an effect is named that explains less where it was not fitted.
         worsens: rms on what scores, over that without any name, from which all names are taken back.
         slow_remains: slow means over what the noise leaves of them from which something is left.
+        relays_whole: as `fitted_whole`, on relays.
         flexible_remains: as `floor`, for what the flexible base leaves of runs that it was not fitted to.
     """
 
@@ -126,6 +129,7 @@ class Thresholds:
     settled: float = 1.02
     whole: float = 0.9
     near_floor: float = 1.15
+    fitted_whole: float = math.inf
     nameable: float = 4.0
     unchecked_nameable: float = 1.15
     doubtful: float = 1.5
@@ -179,6 +183,7 @@ class Thresholds:
     worsens: float = 1.02
     slow_remains: float = 2.0
     flexible_remains: float = 1.10
+    relays_whole: float = 0.95
     flexible_hopeless: float = 8.0
     flexible_told_apart: float = 0.1
     flexible_promised: float = 0.5
@@ -227,7 +232,7 @@ class Thresholds:
 
     def on_relays(self) -> Thresholds:
         """The same on relays that are identified beside each effect: what is far from the noise then is their rate."""
-        return replace(self, reachable=self.in_sight)
+        return replace(self, reachable=self.in_sight, fitted_whole=self.relays_whole)
 
     def on_lattice(self) -> Thresholds:
         """The same where the flexible base is a lattice: what its density is off by must not hide an effect."""
