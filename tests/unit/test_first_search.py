@@ -1302,3 +1302,22 @@ def test_on_relays_a_second_effect_is_sought_near_the_noise_only(
     identified_densities.on_relays(relays, Search(Thresholds().on_flexible()))
     (search,) = searched
     assert search._goes_on([first], relays) is goes_on
+
+
+@pytest.mark.parametrize(
+    ("fitted_left", "on_relays", "is_enough"), [(1.08, True, True), (1.3, True, False), (1.08, False, False)]
+)
+def test_on_relays_an_effect_is_enough_that_tells_all_that_was_fitted(
+    monkeypatch: pytest.MonkeyPatch, fitted_left: float, on_relays: bool, is_enough: bool
+) -> None:
+    """An examiner's mode beside asymmetric plays: of what chose half was left, which no run had told the density."""
+    asked = Thresholds().on_flexible()
+    base, after = leaving(4.2, 5.0), leaving(fitted_left, 3.7, effects=("mechanical_resonance",))
+    mode = Candidate("mechanical_resonance", base, after)
+    assert mode.share < asked.share < mode.fit_share
+    assert Search(asked.on_relays() if on_relays else asked).is_enough(mode) is is_enough
+    searched: list[Search] = []
+    monkeypatch.setattr(identified_densities, "_on_relays_from_rest", lambda relays, search: searched.append(search))
+    identified_densities.on_relays(leaving(7.0, 7.0), Search(asked))
+    first: Any = SimpleNamespace(after=after)
+    assert searched[0].is_told([first]) is (fitted_left < 1.15)

@@ -104,7 +104,8 @@ def test_what_knows_no_rate_comes_down_to_the_noise(
     ("left", "has_past", "since", "beyond", "is_taken"),
     [
         (10.0, False, 0, 1.05, True),
-        (10.0, False, 0, 1.3, False),  # something is left there, too
+        (10.0, False, 0, 3.0, True),  # something is left there, too, but far less
+        (10.0, False, 0, 4.2, False),  # most of it may be an effect
         (1.04, False, 0, 1.0, False),  # nothing to mend
         (10.0, True, 0, 1.0, False),  # pasts of runs that begin driven are sought elsewhere
         (10.0, False, 80, 1.0, False),  # it is counted so already
@@ -115,8 +116,10 @@ def test_a_first_way_up_that_no_fitted_run_shows_does_not_count(
 ) -> None:
     """An examiner's plays, nothing hidden: fitted runs were cycled before, others not, of which relays left 10 x."""
     runs = [SimpleNamespace(since=since), SimpleNamespace(since=0)]
-    relays: Any = SimpleNamespace(ratios=[1.05, left], staged=StagedLike(runs, has_past), vector=None, effects=())
-    there = SimpleNamespace(ratios=[1.0, beyond], staged=StagedLike(runs, has_past))
+    relays: Any = SimpleNamespace(
+        ratios=[1.05, left], excess=left**2 - 1.0, staged=StagedLike(runs, has_past), vector=None, effects=()
+    )
+    there = SimpleNamespace(ratios=[1.0, beyond], excess=beyond**2 - 1.0, staged=StagedLike(runs, has_past))
     counted: list[Any] = []
     monkeypatch.setattr(reach_of_pasts, "counted_where_no_past_reaches", lambda run: counted.append(run) or run)
     monkeypatch.setattr(reach_of_pasts, "seen_through", lambda chain, runs: runs)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from pzt_ros.diagnosis import reach_of_pasts
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.data import SCORE, SELECTION, split
 from pzt_ros.diagnosis.diagnose import diagnose
@@ -130,3 +135,23 @@ def test_an_effect_is_named_beside_a_past_of_many_reversals() -> None:
     assert report.after.score < 1.3 * NOISE
     assert report.before.score > 1.5 * report.after.score
     assert any("how the stage was driven before" in remark for remark in report.remarks)
+
+
+def test_no_short_past_stays_that_spoils_what_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An examiner's plays: relays that were up before lost a run from 1.2 to 24 x the noise by one."""
+    runs = [SimpleNamespace(since=80, uncut=None), SimpleNamespace(since=80, uncut=None)]
+
+    @dataclasses.dataclass
+    class StagedLike:
+        runs: list[Any]
+        ceramic: Any = None
+
+    ceramic = SimpleNamespace(start_of=lambda vector, number: f"none of {number}")
+    found: Any = SimpleNamespace(staged=StagedLike(runs, ceramic), vector=None, effects=(), ratios=[1.2, 1.0])
+    spoilt: Any = SimpleNamespace(staged=StagedLike(runs, ceramic), vector=None, effects=(), ratios=[24.0, 1.0])
+    monkeypatch.setattr(reach_of_pasts, "fitted", lambda *_, most_steps: spoilt)
+    monkeypatch.setattr(reach_of_pasts, "with_other_pasts", lambda whole, workers: whole)
+    monkeypatch.setattr(reach_of_pasts, "refitted_from", lambda back, pasts, steps: (back, pasts, steps))
+    assert with_short_pasts(found) == (spoilt, {0: "none of 0"}, 0)
+    spoilt.ratios[0] = 1.2
+    assert with_short_pasts(found) is spoilt
