@@ -180,10 +180,14 @@ def _lattice(
     )
     flexible.starts, flexible.gain, flexible.choice = tuple(starts), gain, found.choices[0]
     flexible.rotation_strength, flexible.smoothness_strength = base.rotation_strength, base.smoothness_strength
-    flexible.believed = base.believed
+    if believed is not None:
+        flexible.believe(believed(flexible.grid))
     fitted_ones = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
-    flexible.start[:fitted_ones] = found.vector[:fitted_ones]
-    flexible.start[base.polarized] *= scale
+    carried = flexible.carried(
+        base, found.vector[:fitted_ones]
+    )  # a run from rest that chooses may ask for a wider grid
+    flexible.start[: carried.size] = carried
+    flexible.start[flexible.polarized] *= scale
     return _with_law(model, flexible, found, scale)
 
 

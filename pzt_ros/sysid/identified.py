@@ -193,11 +193,17 @@ class IdentifiedHysteresis:
         return WEIGHTS + node_count(self.grid.size)
 
     def carried(self, former: IdentifiedHysteresis, vector: Array) -> Array:
-        """The vector of another resolution over the same range and the same runs."""
+        """The vector of another resolution over the same range and the same runs, or of a grid without some lines."""
         if former.grid.size == self.grid.size:
             return vector
-        link = former.link(vector)
-        weights = gathered(link.relays.weight, hats_of(link.lines, self.grid))
+        at = np.searchsorted(self.grid, former.grid).clip(max=self.grid.size - 1)
+        if np.array_equal(self.grid[at], former.grid):
+            own = {node: number for number, node in enumerate(nodes_of(self.grid.size))}
+            weights = np.zeros(len(own))
+            weights[[own[at[up], at[down]] for up, down in nodes_of(former.grid.size)]] = former.weights(vector)
+        else:
+            link = former.link(vector)
+            weights = gathered(link.relays.weight, hats_of(link.lines, self.grid))
         return np.concatenate((vector[:WEIGHTS], weights, vector[former.shared :]))
 
     def link(self, vector: Array) -> IdentifiedLattice:
