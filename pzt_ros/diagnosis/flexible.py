@@ -183,9 +183,7 @@ def _lattice(
     if believed is not None:
         flexible.believe(believed(flexible.grid))
     fitted_ones = base.occupancies.stop  # the runs that were fitted come first, so do their occupancies
-    carried = flexible.carried(
-        base, found.vector[:fitted_ones]
-    )  # a run from rest that chooses may ask for a wider grid
+    carried = flexible.carried(base, found.vector[:fitted_ones])  # where a run from rest chooses, to a wider grid
     flexible.start[: carried.size] = carried
     flexible.start[flexible.polarized] *= scale
     return _with_law(model, flexible, found, scale)

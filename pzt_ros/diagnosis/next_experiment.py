@@ -253,10 +253,7 @@ _SLOW_OR_CURVED = ("slow_relaxation", "sensor_nonlinearity")
 
 DESIGNS: dict[frozenset[str], Design] = {
     **{frozenset(pair): _fast for pair in itertools.combinations(LATE_OR_LIMITED, 2)},
-    **{
-        frozenset(pair): _frequencies
-        for pair in itertools.product(LATE_OR_LIMITED, ("slow_relaxation", "sensor_nonlinearity"))
-    },
+    **{frozenset(pair): _frequencies for pair in itertools.product(LATE_OR_LIMITED, _SLOW_OR_CURVED)},
     frozenset(_SLOW_OR_CURVED): _frequencies,
     frozenset(("slow_relaxation", "thermal_drift")): _holds,
     frozenset(("polarization_fatigue", "thermal_drift")): _pause,

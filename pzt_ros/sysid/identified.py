@@ -194,8 +194,6 @@ class IdentifiedHysteresis:
 
     def carried(self, former: IdentifiedHysteresis, vector: Array) -> Array:
         """The vector of another resolution over the same range and the same runs, or of a grid without some lines."""
-        if former.grid.size == self.grid.size:
-            return vector
         at = np.searchsorted(self.grid, former.grid).clip(max=self.grid.size - 1)
         if np.array_equal(self.grid[at], former.grid):
             own = {node: number for number, node in enumerate(nodes_of(self.grid.size))}
