@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections import deque
+from functools import partial
 
 from pzt_config.qos import QOS
 from pzt_config.topics import TOPICS
@@ -39,6 +41,7 @@ class PlantNode(GraphNode):
         self._next_block = 0
         self._heard = time.monotonic()
         self._said: float | None = None
+        self._unsaid: deque[Truth] = deque()  # each waits for its time
         self._responses = LatencyLog()
         named = declare_text(self, "neighbour", "", "namespace of an axis whose motion this one feels")
         self._neighbour = Neighbour(self, named) if named else None
@@ -56,15 +59,16 @@ class PlantNode(GraphNode):
         neighbour = self._neighbour.along(len(block)) if self._neighbour else ABSENT
         truth = self.stage.step(block.time, block["voltage_V"], neighbour)
         if self._pace is not None and self._enabled:
+            self._unsaid.append(truth)
             # in a turn of its own: what else is due now is done while there is time, and not in the middle of a tick
-            self.turns.take(lambda: self._say_in_time(truth, float(block.time[-1]) + 1.0 / self.sample_rate))
+            self.turns.take(partial(self._say_in_time, self._pace, float(block.time[-1]) + 1.0 / self.sample_rate))
         else:
             self._say(truth)
 
-    def _say_in_time(self, truth: Truth, due: float) -> None:
-        assert self._pace is not None
-        self._pace.wait_for(due)
-        self._say(truth)
+    def _say_in_time(self, pace: Pace, due: float) -> None:
+        if self._unsaid:  # else a ramp, which waits for nobody, has been here first
+            pace.wait_for(due)
+            self._give_out(self._unsaid.popleft())
 
     def _on_health(self, role: str, _level: str, _text: str, values: dict[str, str]) -> None:
         """Only a beat of commands has a pace: a ramp keeps its own, and between two beats time stands still."""
@@ -76,6 +80,15 @@ class PlantNode(GraphNode):
                 self._pace.pause()
 
     def _say(self, truth: Truth) -> None:
+        """At once, and before it what still waits: readers get the truth in the order in which it happened."""
+        self._unsaid.append(truth)
+        self._say_all()
+
+    def _say_all(self) -> None:
+        while self._unsaid:
+            self._give_out(self._unsaid.popleft())
+
+    def _give_out(self, truth: Truth) -> None:
         self.ticks += 1
         self.publish("truth", truth.time, truth.displacement, truth.polarization, truth.phase_fraction)
         self._said = time.monotonic()
@@ -91,6 +104,11 @@ class PlantNode(GraphNode):
         self._say(truth)
         self.counts["discharged by relay"] += 1
         self._report()
+
+    def stop(self) -> None:
+        """Nothing that the stage did stays unsaid."""
+        self._say_all()
+        super().stop()
 
     def health(self) -> tuple[str, str, dict[str, object]]:
         """The pace that was kept, the voltage left on the stack, and how soon the graph answers a block of truth."""

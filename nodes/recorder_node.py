@@ -73,13 +73,18 @@ class RecorderNode(GraphNode):
         ]
 
     def _drain(self) -> None:
-        """Write all that has arrived, in the order of arrival."""
+        """Write all that has arrived, in the order of arrival; on each topic, in the order in which it was said.
+
+        A message that DDS had to send again is received after those that follow it, which wait for it.
+        """
         arrived = []
         for channel, subscription in self._queues:
+            latest = 0
             with subscription.handle:
                 while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
                     data, about = taken
-                    arrived.append((channel, data, about["received_timestamp"], about["source_timestamp"]))
+                    latest = max(latest, about["received_timestamp"])
+                    arrived.append((channel, data, latest, about["source_timestamp"]))
         if self._recording:
             self._guarded(self._writer.write_all, sorted(arrived, key=itemgetter(2)))
             self.ticks += len(arrived)
