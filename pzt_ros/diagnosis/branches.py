@@ -20,7 +20,7 @@ from pzt_ros.diagnosis.histories import without_histories
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
 from pzt_ros.diagnosis.identified_densities import Densities, on_densities, on_relays
 from pzt_ros.diagnosis.kinetics import with_declared_kinetics
-from pzt_ros.diagnosis.likeliest import beside_likeliest, on_lattice_soon, on_own_relays
+from pzt_ros.diagnosis.likeliest import beside_likeliest, on_lattice_first, on_lattice_soon, on_own_relays
 from pzt_ros.diagnosis.lopsided import lopsided_instead
 from pzt_ros.diagnosis.past_instead import past_instead, poled_instead
 from pzt_ros.diagnosis.search import Search
@@ -115,6 +115,9 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         return [_on_declared(declared, ()), own]
     if is_open and elements.tell(asked):
         return [_on_declared(declared, ()), elements.branch]  # of few numbers, and searched in seconds
+    own = on_lattice_first(elements, densities, search) if is_open else None
+    if own is not None:
+        return [_on_declared(declared, ()), own]
     if bases.relays is not None and not search.blind(declared) and densities.tell_first(elements, asked):
         return [_on_declared(declared, ()), densities.on_relays]
     base = poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 
 from pzt_ros.diagnosis.beside_effects import BesideEffects
 from pzt_ros.diagnosis.branch import Branch
-from pzt_ros.diagnosis.candidates import Step
+from pzt_ros.diagnosis.candidates import Candidate, Step
 from pzt_ros.diagnosis.elements import Elements
 from pzt_ros.diagnosis.final_fit import fitted_to_all
 from pzt_ros.diagnosis.flexible import fit_flexible, fit_rate_independent, tells_all
@@ -77,6 +77,17 @@ class Densities:
         begun = limit.spent
         return fit_flexible(self.declared, self.search.progress, self.search.workers), limit.spent - begun
 
+    @property
+    def on_lattice(self) -> Search:
+        """A search on a lattice."""
+        return dataclasses.replace(self.search, thresholds=self.search.thresholds.on_lattice())
+
+    @cached_property
+    def at_a_glance(self) -> tuple[Candidate, ...]:
+        """The likeliest effects on a lattice, from refits that do not go on for long."""
+        glance = dataclasses.replace(self.search, thresholds=self.search.thresholds.at_a_glance())
+        return tuple(each for each in glance.beside(self.lattice) if glance.is_significant(each))
+
     def tell(self, asked: Thresholds) -> bool:
         """Whether relays without a rate leave little without an effect, and tell nearly all with one or without."""
         base = self.relays
@@ -127,6 +138,18 @@ class Densities:
             return False  # they are searched in seconds
         others = min(self.relays.excess, self.declared.excess)
         return self.lattice.fit.ratio <= asked.lattice_sooner and self.lattice.excess < asked.lattice_outdone * others
+
+    def lattice_leads(self, elements: Elements, asked: Thresholds) -> bool:
+        """Whether a lattice leaves less than all others, none of which comes near the noise.
+
+        Args:
+            elements: that slip.
+            asked: of an effect.
+        """
+        if self.declared.fit.ratio <= asked.lattice_asked or self.relays.fit.ratio <= asked.in_sight:
+            return False
+        least = min(each.excess for each in (self.declared, self.relays, elements.base))
+        return self.lattice.excess <= asked.lattice_leads * least
 
     def lattice_is_all(self, found: Hypothesis, asked: Thresholds) -> bool:
         """Whether a lattice without an effect leaves far less than effects beside the declared base, which are far off.

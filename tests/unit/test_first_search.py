@@ -60,6 +60,7 @@ def densities_of_their_own(monkeypatch: Any) -> None:
     monkeypatch.setattr(branches, "beside_likeliest", lambda *_: None)
     monkeypatch.setattr(branches, "_first_far_off", lambda *_: None)
     monkeypatch.setattr(branches, "_on_own_relays_soon", lambda *_: None)
+    monkeypatch.setattr(branches, "on_lattice_first", lambda *_: None)
     monkeypatch.setattr(branches, "on_own_relays", lambda *_: None)
     monkeypatch.setattr(identified_densities, "told_beyond_pasts", lambda found, *_: found)
     monkeypatch.setattr(BesideEffects, "on_density", lambda *_: None)
@@ -1026,7 +1027,7 @@ def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
     there = [refit("polarization_fatigue", 0.92), refit("thermal_drift", 0.64), refit("imprint", 0.14)]
     here: Any = [refit("sensor_nonlinearity", 0.72), refit("imprint", 0.77), refit("thermal_drift", 0.4)]
     own, asked = Branch("identified", leaving(1.0, 1.0), ()), []
-    densities: Any = SimpleNamespace(lattice=leaving(lattice, lattice), search=Search(Thresholds().on_flexible()))
+    densities = with_lattice(Bases(leaving(11.0, 11.0)), lattice)
 
     def at_a_glance(self: Search, before: Any) -> list[Any]:
         assert not self.is_worth_finishing(Candidate("", leaving(lattice, lattice), leaving(1.0, 1.0)))
@@ -1042,6 +1043,46 @@ def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
     monkeypatch.setattr(BesideEffects, "on_own_densities", on_own)
     assert likeliest.on_lattice_soon(here, densities, Search()) is (own if asked_of else None)
     assert asked == asked_of
+
+
+@pytest.mark.parametrize(
+    ("declared", "relays", "elements", "lattice", "beside", "is_asked"),
+    [
+        (14.0, 13.0, 16.0, 10.0, 1.0, True),
+        (14.0, 13.0, 16.0, 10.0, 4.0, False),  # the effect beside it may be another's
+        (14.0, 10.0, 16.0, 9.5, 1.0, False),  # relays leave as little
+        (14.0, 13.0, 9.0, 10.0, 1.0, False),  # elements less
+        (14.0, 2.5, 16.0, 2.0, 1.0, False),  # relays come near the noise
+        (5.0, 13.0, 16.0, 2.0, 1.0, False),  # an effect beside the declared base is sought in less time
+    ],
+)
+def test_effects_are_tried_first_on_a_lattice_that_leaves_less_than_all_others(
+    monkeypatch: pytest.MonkeyPatch,
+    declared: float,
+    relays: float,
+    elements: float,
+    lattice: float,
+    beside: float,
+    is_asked: bool,
+) -> None:
+    """A court case: a hum beside correlated densities; relays were searched for a minute, and Gaussians for another."""
+    hum: Any = SimpleNamespace(name="mains_hum", cause="mains_hum", after=leaving(beside, beside), fit_share=0.9)
+    densities = with_lattice(Bases(leaving(declared, declared), leaving(relays, relays)), lattice)
+    slipping: Any = SimpleNamespace(base=leaving(elements, elements))
+    own = Branch("identified", leaving(1.0, 1.0), ())
+    monkeypatch.setattr(Search, "beside", lambda self, before: [hum])
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
+    monkeypatch.setattr(
+        BesideEffects, "on_own_densities", lambda self, found, *_: own if "mains_hum" in found else None
+    )
+    assert likeliest.on_lattice_first(slipping, densities, Search()) is (own if is_asked else None)
+
+
+def with_lattice(bases: Bases, ratio: float) -> Any:
+    """Densities of which a lattice was identified, with so many times the noise left."""
+    densities = identified_densities.Densities(bases, Search(Thresholds().on_flexible()))
+    densities.__dict__["_lattice"] = (leaving(ratio, ratio), 0.0)
+    return densities
 
 
 @pytest.mark.parametrize(
