@@ -174,7 +174,7 @@ class BesideEffects:
                 return None
             rivals = {each for pair in CONFOUNDED if candidate.cause in pair for each in pair & EFFECT_OF.keys()}
             known = {EFFECT_OF[each].reported for each in (*found.effects, *tried)}
-            alike = [each for each in sorted(rivals - known) if search.still_ties(candidate, each)]
+            alike = search.still_tied(candidate, sorted(rivals - known))
             why = _IDENTIFIED.format(share=candidate.share)
             steps.insert(
                 0, Step(candidate.before, (candidate,), {}, (candidate,), (name, *alike) if alike else (), why)

@@ -82,15 +82,31 @@ class Search(Seeker):
         if bare is None:
             return steps
         winner = Candidate(name, bare, further.after)
-        alike = [other for other in last.tied[1:] if self.still_ties(winner, other)]
+        alike = self.still_tied(winner, last.tied[1:])
         return [*steps[:-1], replace(last, tied=(name, *alike) if alike else ()), further]
 
-    def still_ties(self, winner: Candidate, name: str) -> bool:
-        """Whether an effect refitted in the winner's place is as good; a refit that fails does not rule it out."""
-        found, refused = replace(self, effects=(EFFECT_OF[name],))._candidates(winner.before, winner.before)
-        if not found:
-            return name not in refused  # or the screen saw next to nothing of it
-        return self.is_as_good(winner, replace(found[0], after=taken_on(found[0].after, self.thresholds)))
+    def still_tied(self, winner: Candidate, names: Sequence[str]) -> list[str]:
+        """Those effects that are as good when refitted in the winner's place; a refit that fails rules none out.
+
+        Those that promise too little of what the winner gains are not refitted.
+        """
+        if not names:
+            return []
+        before, least = winner.before, self.thresholds.promised
+        most = before.total - least * (before.total - winner.after.total)
+        finish_share = max(self.thresholds.finish_share, least * winner.fit_share)
+        asked = replace(self.thresholds, refits=len(names), promised=0.0, finish_share=finish_share)
+        others = replace(self, effects=tuple(EFFECT_OF[name] for name in names), thresholds=asked)
+        found, refused = others._candidates(before, before, most)
+        refitted = {each.name: each for each in found}
+
+        def is_tied(name: str) -> bool:
+            if name not in refitted:
+                return name not in refused  # or the screen saw next to nothing of it
+            after = taken_on(refitted[name].after, self.thresholds)
+            return self.is_as_good(winner, replace(refitted[name], after=after))
+
+        return [name for name in names if is_tied(name)]
 
     def with_pair(self, steps: Sequence[Step], base: Hypothesis) -> list[Step]:
         """The steps of a run; where they do not explain all, the last may add two effects at once."""

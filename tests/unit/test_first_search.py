@@ -740,7 +740,8 @@ def test_a_name_is_kept_on_a_density_that_is_identified_beside_it_where_it_is_ne
 
     kinds = identified("relays", relays), identified("lattice", lattice)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(bare, bare))
-    monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: tied and name == "amplifier_bandwidth")
+    tying = ["amplifier_bandwidth"] if tied else []
+    monkeypatch.setattr(Search, "still_tied", lambda self, winner, names: [each for each in names if each in tying])
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
     monkeypatch.setattr(Candidate, "selection_size", 3.0)
     beside = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
@@ -753,6 +754,29 @@ def test_a_name_is_kept_on_a_density_that_is_identified_beside_it_where_it_is_ne
         assert [each.name for each in kept.accepted] == ["sensor_lag"]
         assert kept.tied == (("sensor_lag", "amplifier_bandwidth") if tied else ())
         assert beside.told.base.ratios == [bare, bare]
+
+
+def test_rivals_are_asked_together_whether_they_tie_and_those_that_promise_half_as_much_are_not_refitted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Seven one after the other had taken as long beside correlated densities as all the rest of a search."""
+    before = leaving(5.0, 5.0)
+    winner: Any = Candidate("slow_relaxation", before, leaving(1.1, 1.1, effects=("slow_relaxation",)))
+    names = ["mains_hum", "polarization_fatigue", "sensor_lag", "thermal_drift"]
+    calls: list[Any] = []
+
+    def refitted(self: Search, here: Any, seen_from: Any, most: float) -> Any:
+        calls.append((tuple(effect.name for effect in self.effects), self.thresholds.refits, most))
+        near, far = (Candidate(name, here, leaving(left, left)) for name, left in (("thermal_drift", 1.2), ("x", 3.0)))
+        return (near, dataclasses.replace(far, name="polarization_fatigue")), {"mains_hum": "promises 3 %"}
+
+    monkeypatch.setattr(Search, "_candidates", refitted)
+    monkeypatch.setattr(search_module, "taken_on", lambda found, asked: found)
+    search = Search(Thresholds().on_flexible())
+    assert search.still_tied(winner, names) == ["sensor_lag", "thermal_drift"]  # the refit of the lag failed
+    assert calls == [(tuple(names), 4, pytest.approx(0.5 * (before.total + winner.after.total)))]
+    assert search.still_tied(winner, []) == []
+    assert len(calls) == 1
 
 
 BOTH = ("bias_field", "polarization_fatigue")
@@ -795,7 +819,7 @@ def test_effects_are_tried_each_on_a_lattice_of_its_own(
     refitted = {name: leaving(2.0, 2.0, effects=(name,)) for name, left in beside.items() if left}
     monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: refitted.get(*names, bare))
     asked_to_tie: list[str] = []
-    monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: bool(asked_to_tie.append(name)))
+    monkeypatch.setattr(Search, "still_tied", lambda self, winner, names: asked_to_tie.extend(names) or [])
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
     monkeypatch.setattr(Candidate, "selection_size", 3.0)
     search = BesideEffects(Search(Thresholds().on_flexible()), Thresholds())
@@ -1127,7 +1151,7 @@ def test_a_curve_on_a_density_of_its_own_ties_with_a_strain_law_that_explains_as
     told.staged = SimpleNamespace(has_past=False, ceramic=None, runs=[SimpleNamespace(since=0)])
     monkeypatch.setattr(BesideEffects, "_in_turn", lambda self, found, *_: found)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(4.0, 4.0))
-    monkeypatch.setattr(Search, "still_ties", lambda self, winner, name: False)
+    monkeypatch.setattr(Search, "still_tied", lambda self, winner, names: [])
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
     monkeypatch.setattr(Candidate, "selection_size", 3.0)
     monkeypatch.setattr(beside_effects, "is_law_as_good", lambda bare, curved, asked: is_as_good)
