@@ -133,7 +133,7 @@ class BesideEffects:
         """
         bare, (name, *_) = without_effects(found), found.effects
         alike = [each for each in others if {name, each} <= LATE]
-        return min((self.search.with_effects(bare, [each]) for each in (name, *alike)), key=total_of)
+        return self.search.with_best(bare, (name, *alike))
 
     def _goes_on(self, turns: Sequence[Hypothesis], most: float) -> bool:
         """Whether a further turn of an effect and its density may leave less, and it is worth its time.

@@ -100,9 +100,13 @@ class Seeker(Judge):
     def with_effects(self, base: Hypothesis, names: Sequence[str]) -> Hypothesis:
         """A base refitted with effects, one after another; without those that promise nothing beside it."""
         for name in names:
-            found = replace(self, effects=(EFFECT_OF[name],)).beside(base)
-            base = found[0].after if found else base
+            base = self.with_best(base, (name,))
         return base
+
+    def with_best(self, base: Hypothesis, names: Sequence[str]) -> Hypothesis:
+        """A base refitted with the one of some effects that leaves least; as it is where none promises anything."""
+        found = replace(self, effects=tuple(EFFECT_OF[name] for name in names)).beside(base)
+        return found[0].after if found else base
 
     def _is_settled(self, candidates: Sequence[Candidate]) -> bool:
         return any(max(c.after.ratios) <= self.thresholds.settled for c in candidates)

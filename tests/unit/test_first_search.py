@@ -817,7 +817,7 @@ def test_effects_are_tried_each_on_a_lattice_of_its_own(
     monkeypatch.setattr(beside_effects, "without_effects", lambda found: base)
     monkeypatch.setattr(beside_effects, "without", lambda found, name: leaving(4.0, 4.0))
     refitted = {name: leaving(2.0, 2.0, effects=(name,)) for name, left in beside.items() if left}
-    monkeypatch.setattr(Search, "with_effects", lambda self, bare, names: refitted.get(*names, bare))
+    monkeypatch.setattr(Search, "with_best", lambda self, bare, names: refitted.get(names[0], bare))
     asked_to_tie: list[str] = []
     monkeypatch.setattr(Search, "still_tied", lambda self, winner, names: asked_to_tie.extend(names) or [])
     monkeypatch.setattr(Candidate, "fit_size", 3.0)
@@ -849,11 +849,12 @@ def test_an_effect_takes_its_turn_on_the_lattice_of_one_that_is_as_late(
     refits = {"sensor_lag": 1.1, "amplifier_bandwidth": 1.4, "mains_hum": 1.0}
     lattices = {"sensor_lag": 1.01, "amplifier_bandwidth": 1.35}
     monkeypatch.setattr(beside_effects, "without_effects", lambda found: found)
-    monkeypatch.setattr(
-        Search,
-        "with_effects",
-        lambda self, bare, names: leaving(refits[names[0]], refits[names[0]], effects=tuple(names)),
-    )
+
+    def with_best(self: Search, bare: Any, names: Any) -> Any:
+        left, best = min((refits[each], each) for each in names)
+        return leaving(left, left, effects=(best,))
+
+    monkeypatch.setattr(Search, "with_best", with_best)
 
     def identified(found: Any, progress: object, workers: object) -> Any:
         (effect,) = found.effects
