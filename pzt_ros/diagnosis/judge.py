@@ -43,7 +43,9 @@ class Judge:
 
         So it does where two make it up between them, where one explains nearly the half that is asked, as one of two of
         a size does, and where one is all that is missing where it was fitted, or where not: so much is not missing by
-        chance, and another effect hides in the others. One that was added may stand for two others that make up more.
+        chance, and another effect hides in the others. Two that make it up where it was fitted are enough, if one of
+        them shows everywhere: a base that bent for both may be off elsewhere until it has both. One that was added may
+        stand for two others that make up more.
         """
         first, asked = steps[0], self.thresholds
         if first.accepted:
@@ -52,7 +54,14 @@ class Judge:
         sound = [c for c in first.candidates if self.is_significant(c) and c.share > asked.half_share]
         most = max((max(c.fit_share, c.selection_share) for c in sound), default=0.0)
         nearly_half = any(c.share >= asked.nearly_half for c in sound)
-        return most > asked.whole or nearly_half or bool(self.complementary(first.candidates))
+        if most > asked.whole or nearly_half or self.complementary(first.candidates):
+            return True
+        others = [c for c in first.candidates if c.fit_share >= asked.half_share]
+        return any(
+            one.fit_share + other.fit_share >= asked.pair_share and not self.is_alike(one, other)
+            for one in sound
+            for other in others
+        )
 
     def complementary(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Those that make up what two effects have to explain together with another that is not easily taken for them.
@@ -62,12 +71,17 @@ class Judge:
         least = self.thresholds.pair_share
 
         def make_up(one: Candidate, other: Candidate) -> bool:
-            if one.cause == other.cause or frozenset((one.cause, other.cause)) in CONFOUNDED:
+            if self.is_alike(one, other):
                 return False
             selection = one.selection_share + other.selection_share
             return min(one.fit_share + other.fit_share, selection) >= least
 
         return [c for c in candidates if self.is_significant(c) and any(make_up(c, other) for other in candidates)]
+
+    @staticmethod
+    def is_alike(one: Candidate, other: Candidate) -> bool:
+        """Whether they are of one cause, or easily taken for one another."""
+        return one.cause == other.cause or frozenset((one.cause, other.cause)) in CONFOUNDED
 
     def is_significant(self, candidate: Candidate) -> bool:
         """Whether it shows itself, where it was fitted and where not, beyond what noise that remembers itself does."""

@@ -185,6 +185,25 @@ def test_what_explains_all_of_one_kind_of_parts_or_nearly_half_asks_for_a_second
     assert not Search().is_half_told([dataclasses.replace(step, accepted=(found,))])
 
 
+@pytest.mark.parametrize(
+    ("name", "lag_leaves", "fatigue_leaves", "told"),
+    [
+        ("sensor_lag", 0.32, 0.49, True),
+        ("sensor_lag", 0.6, 0.49, False),  # too little is made up where it was fitted
+        ("sensor_lag", 0.32, 0.85, False),  # neither shows everywhere
+        ("thermal_drift", 0.32, 0.49, False),  # which is easily taken for the other
+    ],
+)
+def test_two_that_make_it_up_where_it_was_fitted_look_like_two_effects(
+    monkeypatch: pytest.MonkeyPatch, name: str, lag_leaves: float, fatigue_leaves: float, told: bool
+) -> None:
+    """A court case on the declared structure: a bandwidth with a fatigue, which were tried together last of all."""
+    monkeypatch.setattr(Search, "is_significant", lambda self, candidate: True)
+    fatigue, lag = candidate(0.73, fatigue_leaves, "polarization_fatigue"), candidate(lag_leaves, 1.05, name)
+    step = Step(lag.before, (fatigue, lag), {}, (), (), "")
+    assert Search().is_half_told([step]) is told
+
+
 @pytest.mark.parametrize(("drift_leaves", "told"), [(0.4, True), (0.15, False)])
 def test_an_effect_that_was_added_may_stand_for_two_others(
     monkeypatch: pytest.MonkeyPatch, drift_leaves: float, told: bool
