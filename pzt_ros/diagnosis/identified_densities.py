@@ -140,15 +140,19 @@ class Densities:
         return self.lattice.fit.ratio <= asked.lattice_sooner and self.lattice.excess < asked.lattice_outdone * others
 
     def lattice_leads(self, elements: Elements, asked: Thresholds) -> bool:
-        """Whether a lattice leaves less than all others, none of which comes near the noise.
+        """Whether a lattice leaves less than all others, which are far from the noise.
+
+        Relays that leave less than a polycrystal say that the stage knows no rate; a lattice would be identified in
+        vain.
 
         Args:
             elements: that slip.
             asked: of an effect.
         """
-        if self.declared.fit.ratio <= asked.lattice_asked or self.relays.fit.ratio <= asked.in_sight:
+        declared, relays = self.declared, self.relays
+        if declared.fit.ratio <= asked.lattice_asked or relays.excess < declared.excess:
             return False
-        least = min(each.excess for each in (self.declared, self.relays, elements.base))
+        least = min(declared.excess, elements.base.excess)
         return self.lattice.excess <= asked.lattice_leads * least
 
     def lattice_is_all(self, found: Hypothesis, asked: Thresholds) -> bool:

@@ -1073,11 +1073,11 @@ def test_far_from_the_noise_the_effects_that_a_lattice_asks_for_are_tried_first(
 @pytest.mark.parametrize(
     ("declared", "relays", "elements", "lattice", "beside", "is_asked"),
     [
-        (14.0, 13.0, 16.0, 10.0, 1.0, True),
-        (14.0, 13.0, 16.0, 10.0, 4.0, False),  # the effect beside it may be another's
-        (14.0, 10.0, 16.0, 9.5, 1.0, False),  # relays leave as little
-        (14.0, 13.0, 9.0, 10.0, 1.0, False),  # elements less
-        (14.0, 2.5, 16.0, 2.0, 1.0, False),  # relays come near the noise
+        (14.0, 15.0, 16.0, 10.0, 1.0, True),
+        (14.0, 15.0, 16.0, 10.0, 4.0, False),  # the effect beside it may be another's
+        (14.0, 15.0, 16.0, 13.5, 1.0, False),  # a polycrystal leaves as little
+        (14.0, 15.0, 9.0, 10.0, 1.0, False),  # elements less
+        (14.0, 13.0, 16.0, 2.0, 1.0, False),  # the stage knows no rate
         (5.0, 13.0, 16.0, 2.0, 1.0, False),  # an effect beside the declared base is sought in less time
     ],
 )
