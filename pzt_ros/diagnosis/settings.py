@@ -63,7 +63,8 @@ class Thresholds:
         lattice_sooner, lattice_outdone: rms over noise that a lattice may leave, and share of the excess of relays and
             of the declared base, to be searched before those. (An effect of 10 x beside tilted densities left it at
             3.2 to 4.5 x and 0.12 to 0.31 of what relays leave.)
-        lattice_leads: share of what polycrystal or elements leave that a lattice may leave for effects to be tried there first.
+        lattice_leads: share of what polycrystal or elements leave that a lattice may leave for effects to be tried
+            there first.
         lattice_asked: rms over noise that a declared base leaves from which effects are tried on a lattice where the
             best beside it leaves much. (Of sixteen pairs of 3 x it left 1.9 to 5.5.)
         lattice_is_all: share of what a search beside the declared base leaves that a lattice without an effect may
