@@ -118,8 +118,11 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
     own = on_lattice_first(elements, densities, search) if is_open else None
     if own is not None:
         return [_on_declared(declared, ()), own]
-    if bases.relays is not None and not search.blind(declared) and densities.tell_first(elements, asked):
+    is_asked = bases.relays is not None and not (limit.is_over() or search.blind(declared))
+    if is_asked and densities.tell_first(elements, asked):
         return [_on_declared(declared, ()), densities.on_relays]
+    if limit.is_over():
+        return [_on_declared(declared, ()), *elements.searched, *densities.searched]
     base = poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
     if base is not None:
         return _begun_anew(bases._replace(declared=base, relays=None), search)

@@ -423,6 +423,32 @@ def test_where_all_runs_are_one_loop_no_effect_is_sought_beside_the_declared_den
     assert (first.density, second.density) == ("gaussian", "identified")
 
 
+@pytest.mark.parametrize("is_up", [True, False])
+def test_nothing_is_begun_beside_the_base_where_the_time_was_up_while_relays_were_searched(
+    monkeypatch: pytest.MonkeyPatch, is_up: bool
+) -> None:
+    """An examiner's stage: a refit on relays took minutes, and the next search began three minutes after the limit."""
+    declared, limit = leaving(14.0, 14.0), TimeLimit()
+    declared.staged = SimpleNamespace(has_past=False, runs=[], chain=load_chain("p802"))
+    begun: list[str] = []
+
+    def tell_first(self: Any, elements: Any, asked: Any) -> bool:
+        limit.seconds = 0.0 if is_up else math.inf
+        return False
+
+    monkeypatch.setattr(identified_densities.Densities, "tell_first", tell_first)
+    monkeypatch.setattr(slips.Elements, "tell", lambda self, asked: False)
+    monkeypatch.setattr(judge, "alike_by_design", lambda records: [])
+    monkeypatch.setattr(branches, "_may_hide_a_past", lambda *_: True)
+    monkeypatch.setattr(Search, "beside", lambda self, base: begun.append("beside") or ())
+    monkeypatch.setattr(branches, "poled_instead", lambda *_: None)
+    monkeypatch.setattr(branches, "_sooner", lambda *_: begun.append("sooner") or [Branch("none", declared, ())])
+    bases = Bases(declared, relays=leaving(13.0, 13.0))
+    first, *_ = branches._searched(bases, Thresholds(), lambda text: None, IN_THIS_PROCESS, limit)
+    assert first.final is declared
+    assert begun == ([] if is_up else ["beside", "sooner"])
+
+
 @pytest.mark.parametrize(("last", "lawful", "tried"), [(1.08, False, 0), (1.2, False, 2), (1.2, True, 0)])
 def test_a_name_near_the_noise_leaves_no_other_base_to_be_tried(
     monkeypatch: pytest.MonkeyPatch, last: float, lawful: bool, tried: int
