@@ -33,8 +33,8 @@ takes the declared base again; nothing was changed for that, nor in the eighth t
 (59 nm, with a mode or a bandwidth that these runs do not tell apart). On 2026-11-29 no name, and 479 nm by `pzt
 diagnose`, whose answer is as it was before that day's changes,
 and after those of three sessions in the evening; by the table made then, on another machine, no name and 1463 nm, where
-the same diagnosis in one thread said as before: that fit stands at a fork. Three tables on 2026-11-30: 387 nm, and twice
-567 nm, after decisions 203 to 207 (the declared base 449 and 765 nm); nothing was changed for these.""",
+the same diagnosis in one thread said as before: that fit stands at a fork. Three tables on 2026-11-30: 387 nm, and
+twice 567 nm, after decisions 203 to 207 (the declared base 449 and 765 nm); nothing was changed for these.""",
 }
 
 MEANING = {
