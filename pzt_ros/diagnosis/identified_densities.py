@@ -192,7 +192,7 @@ def on_densities(densities: Densities, asked: Thresholds) -> list[Branch]:
         found = [densities.on_relays]
         if found[0].explains(asked) or found[0].is_told(search.thresholds):
             return found
-    lattice = dataclasses.replace(search, thresholds=asked.on_lattice())
+    lattice = densities.on_lattice
     foretold = _foretold(flexible, lattice) if is_clean and not search.at_floor(flexible) else None
     if foretold is not None:
         return [*found, foretold]

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import rclpy
-from lone_amplifier import own_domain
+from lone_node import lone_node
 from std_srvs.srv import SetBool
 
 from pzt_nodes.amplifier_node import AmplifierNode
@@ -22,21 +21,13 @@ PATIENCE = 0.1
 
 @pytest.fixture
 def enabled() -> Iterator[AmplifierNode]:
-    with own_domain() as domain:
-        options = {"limits.command_timeout": PATIENCE, "limits.late_commands": 0.0, "nodes": "amplifier,controller"}
-        words = [word for name, value in options.items() for word in ("-p", f"{name}:={value}")]
-        rclpy.init(args=["--ros-args", *words], domain_id=domain)
-        node = AmplifierNode()
-        try:
-            assert node._on_enable(SetBool.Request(data=True), SetBool.Response()).success
-            for tick in range(1, 11):
-                command(node, tick, 20.0)
-            assert node.amplifier.stack_voltage > 10.0
-            yield node
-        finally:
-            node.close()
-            node.destroy_node()
-            rclpy.try_shutdown()
+    options = {"limits.command_timeout": PATIENCE, "limits.late_commands": 0.0, "nodes": "amplifier,controller"}
+    with lone_node(AmplifierNode, *(f"{name}:={value}" for name, value in options.items())) as node:
+        assert node._on_enable(SetBool.Request(data=True), SetBool.Response()).success
+        for tick in range(1, 11):
+            command(node, tick, 20.0)
+        assert node.amplifier.stack_voltage > 10.0
+        yield node
 
 
 def command(node: AmplifierNode, tick: int, voltage: float) -> None:

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import rclpy
-from lone_amplifier import own_domain
+from lone_node import lone_node
 from rclpy.experimental import EventsExecutor
 
 from pzt_nodes.plant_node import PlantNode
@@ -19,9 +18,7 @@ from pzt_ros.reference import block_times
 def plant(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[PlantNode, list[float]]]:
     """The node in real time, and the first times [s] of the blocks of truth that it says."""
     said: list[float] = []
-    with own_domain() as domain:
-        rclpy.init(args=["--ros-args", "-p", "rate:=real time", "-p", "nodes:=plant,amplifier"], domain_id=domain)
-        node = PlantNode()
+    with lone_node(PlantNode, "rate:=real time", "nodes:=plant,amplifier") as node:
         publish = node.publish
 
         def listen(name: str, *arrays: np.ndarray) -> None:
@@ -29,12 +26,7 @@ def plant(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[PlantNode, list[flo
             publish(name, *arrays)
 
         monkeypatch.setattr(node, "publish", listen)
-        try:
-            yield node, said
-        finally:
-            node.close()
-            node.destroy_node()
-            rclpy.try_shutdown()
+        yield node, said
 
 
 def apply(node: PlantNode, tick: int, voltage: float) -> None:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
-import rclpy
-from lone_amplifier import own_domain
+from lone_node import lone_node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
@@ -20,19 +17,6 @@ from pzt_ros.blocks import Block, fill_message
 from pzt_ros.reference import block_times
 
 RATE, SIZE = 20e3, 100
-
-
-@pytest.fixture
-def recorder(tmp_path: Path) -> Iterator[RecorderNode]:
-    with own_domain() as domain:
-        options = ["-p", f"bag:={tmp_path / 'bag'}", "-p", "nodes:=recorder"]
-        rclpy.init(args=["--ros-args", *options], domain_id=domain)
-        node = RecorderNode()
-        try:
-            yield node
-        finally:
-            node.destroy_node()
-            rclpy.try_shutdown()
 
 
 class Handle(nullcontext[None]):
@@ -55,12 +39,11 @@ class Handle(nullcontext[None]):
         return data, {"received_timestamp": at, "source_timestamp": at}
 
 
-def test_a_message_sent_again_keeps_its_place(recorder: RecorderNode, tmp_path: Path) -> None:
+def test_a_message_sent_again_keeps_its_place(tmp_path: Path) -> None:
     """DDS receives it last, and gives it out where it belongs."""
-    names = list(recorder._names)
-    channel, _ = recorder._queues[names.index("/stage/applied")]
-    recorder._queues = [(channel, SimpleNamespace(handle=Handle([10**9, 5 * 10**9, 3 * 10**9]), msg_type=None))]
-    recorder.close()
+    with lone_node(RecorderNode, f"bag:={tmp_path / 'bag'}", "nodes:=recorder") as recorder:
+        channel, _ = recorder._queues[list(recorder._names).index("/stage/applied")]
+        recorder._queues = [(channel, SimpleNamespace(handle=Handle([10**9, 5 * 10**9, 3 * 10**9]), msg_type=None))]
     bag = open_bag(tmp_path / "bag")
     assert np.all(np.diff(bag.blocks("/stage/applied").time) > 0.0)
     assert [at for at, _ in bag.messages("/stage/applied")] == [10**9, 5 * 10**9, 5 * 10**9]
