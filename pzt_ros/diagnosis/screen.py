@@ -37,6 +37,7 @@ _SIMPLEX = 0.3  # of a coordinate: a third more or less of a time or a frequency
 _SHAPES = 30  # that are tried at most
 _FEW_SHAPES = 10  # the same where each costs a pass through the ceramic
 _SLOWEST = 10.0  # time constant over the longest run
+_FASTEST = 5.0  # time constant over the step between samples
 _SHARES = (1.0, 0.5, 0.2, 0.0)  # of the way to where the line leads, at which a refit may start
 _RIDGE = 1e-10  # of columns of length 1, where bounds hold some of them
 _LONGEST_SHIFT = 0.5  # of an unknown of the ceramic: a refit that starts with parameters e times larger may not start
@@ -248,11 +249,14 @@ class Screen:
         return Prospect(effect, link, given, staged, without, start, total, hypothesis.vector.size)
 
     def _within_sight(self, effect: Effect, each: Coordinate) -> Coordinate:
-        """A time within what the runs can tell: faster is a gain, slower a straight line, whatever their amounts."""
+        """A time within what the runs can tell: faster is a gain or a lag, slower a straight line, of any amount.
+
+        A creep over a step or two between samples, as large as what it followed, was a sensor's lag.
+        """
         if each.unit != "s" or each.field in effect.columns:
             return each
         times = [run.record.time for run in self.hypothesis.staged.runs]
-        shortest = min(float(np.median(np.diff(time))) for time in times)
+        shortest = _FASTEST * min(float(np.median(np.diff(time))) for time in times)
         longest = _SLOWEST * max(float(time[-1] - time[0]) for time in times)
         lower, upper = max(each.lower, shortest), min(each.upper, longest)
         return replace(each, start=min(max(each.start, lower), upper), lower=lower, upper=upper)

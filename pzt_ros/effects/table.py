@@ -25,6 +25,7 @@ from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHys
 from pzt_ros.effects.strain_polarization_lag import StrainPolarizationLag
 from pzt_ros.effects.thermal_drift import ThermalDrift
 from pzt_ros.effects.thermal_expansion import ThermalExpansion
+from pzt_ros.effects.thermal_lag import ThermalLag
 
 _MODES = tuple(25.0 * 1.25**step for step in range(24))
 """Frequencies to look for a mode at [Hz], up to 4 kHz: at this damping one answers within a quarter of itself."""
@@ -221,6 +222,19 @@ EFFECTS: tuple[Effect, ...] = (
         needs=("temperature_K",),
         variant_of=ThermalDrift.kind,
         absence="a slow change of the displacement's zero that goes with the recorded temperature",
+        next_experiment="a rest at constant voltage while the temperature is changed by some kelvin",
+    ),
+    Effect(
+        link=ThermalLag,
+        place=AT_SENSOR,
+        amplitude="expansion",
+        starts=_grid(expansion=(1e-10,), time_constant=(3.0, 10.0, 30.0, 100.0)),
+        free=("expansion", "time_constant", "missing_expansion"),
+        per_run=("missing_expansion",),
+        linear=("expansion", "missing_expansion"),
+        needs=("temperature_K",),
+        variant_of=ThermalDrift.kind,
+        absence="a slow change of the displacement's zero that comes after the recorded temperature",
         next_experiment="a rest at constant voltage while the temperature is changed by some kelvin",
     ),
     Effect(

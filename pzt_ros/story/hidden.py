@@ -60,6 +60,7 @@ LEFT_OUT: dict[str, str] = {
     "load_stiffness": "is a gain, which the strain law takes up",
     "leakage": "changes the charge that is measured, not the displacement",
     "thermal_expansion": "no temperature is recorded in the story",
+    "thermal_lag": "as the expansion",
 }
 """Every other effect of the library, and why it is not hidden."""
 

@@ -11,6 +11,7 @@ import pytest
 from pzt_ros.effects.mains_hum import MainsHum
 from pzt_ros.effects.sensor_nonlinearity import SensorNonlinearity
 from pzt_ros.effects.thermal_drift import ThermalDrift
+from pzt_ros.effects.thermal_lag import ThermalLag
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array, Rest, Signals
 
@@ -42,6 +43,37 @@ def test_expansion_goes_with_a_measured_temperature() -> None:
     state, _ = link.step(link.init(Rest()), resting(np.array([-2.0, -1.0])))
     _, out = link.step(state, resting(np.arange(50.0)).replace(temperature=temperature))
     np.testing.assert_allclose(out.displacement - 3e-6, 3e-8 * np.sin(np.arange(50.0)), rtol=0, atol=1e-18)
+
+
+def test_a_body_comes_after_the_temperature_of_the_air() -> None:
+    """Against the closed answer of a lag to a ramp that begins at 0, in uneven blocks and steps."""
+    time = np.sort(np.random.default_rng(0).uniform(0.0, 60.0, 400))
+    time -= time[0]
+    link, state = ThermalLag(expansion=3e-8, time_constant=6.0), ThermalLag().init(Rest())
+    read_out = []
+    for block in np.split(np.arange(400), [1, 130, 131, 300]):
+        signals = resting(time[block]).replace(temperature=293.0 + 0.02 * time[block])
+        state, out = link.step(state, signals)
+        read_out.append(out.displacement - 3e-6)
+    body = 0.02 * (time - 6.0 * (1.0 - np.exp(-time / 6.0)))
+    np.testing.assert_allclose(np.concatenate(read_out), 3e-8 * body, rtol=0, atol=1e-16)
+
+
+def test_a_body_that_is_behind_expands_on_in_still_air() -> None:
+    time = np.linspace(5.0, 65.0, 100)
+    link = ThermalLag(expansion=3e-8, time_constant=6.0, missing_expansion=2e-7)
+    warm = read(link, resting(time).replace(temperature=np.full(100, 293.0))) - 3e-6
+    np.testing.assert_allclose(warm, 2e-7 * (1 - np.exp(-(time - 5.0) / 6.0)), rtol=1e-9, atol=1e-20)
+
+
+def test_a_temperature_that_is_known_late_is_followed_from_there() -> None:
+    link = ThermalLag(expansion=3e-8, time_constant=6.0)
+    state, out = link.step(link.init(Rest()), resting(np.array([-2.0, -1.0])))
+    time = np.arange(50.0)
+    _, warm = link.step(state, resting(time).replace(temperature=293.0 + 0.02 * time))
+    body = 0.02 * (time - 6.0 * (1.0 - np.exp(-time / 6.0)))
+    np.testing.assert_array_equal(out.displacement, 3e-6)
+    np.testing.assert_allclose(warm.displacement - 3e-6, 3e-8 * body, rtol=0, atol=1e-16)
 
 
 def test_hum_is_one_line_of_the_spectrum() -> None:
