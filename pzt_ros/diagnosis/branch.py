@@ -6,7 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from pzt_ros.diagnosis.candidates import Step, share_of
+from pzt_ros.diagnosis.candidates import Candidate, Step, share_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.search import Search
 from pzt_ros.diagnosis.settings import Thresholds
@@ -37,13 +37,24 @@ class Branch:
         """Where it ended."""
         return self.steps[-1].after if self.steps else self.base
 
-    def without_names(self, but: str) -> Branch:
-        """The same with every name taken back, and why."""
+    @property
+    def added(self) -> tuple[Candidate, ...]:
+        """Every effect that was added, in their order."""
+        return tuple(each for step in self.steps for each in step.accepted)
+
+    @property
+    def last_step(self) -> int:
+        """Place of the last step that added anything; 0 where none did."""
+        return max((place for place, step in enumerate(self.steps) if step.accepted), default=0)
+
+    def without_names(self, but: str, since: int = 0) -> Branch:
+        """The same with every name taken back that was added by a step from there on, and why."""
+        before = self.steps[since].before if since else self.base
         steps = [
-            dataclasses.replace(step, before=self.base, accepted=(), tied=(), verdict=f"{step.verdict}, but {but}")
-            for step in self.steps
+            dataclasses.replace(step, before=before, accepted=(), tied=(), verdict=f"{step.verdict}, but {but}")
+            for step in self.steps[since:]
         ]
-        return dataclasses.replace(self, steps=tuple(steps))
+        return dataclasses.replace(self, steps=(*self.steps[:since], *steps))
 
     def explains(self, asked: Thresholds) -> bool:
         """Whether nothing is left that would have to be explained."""

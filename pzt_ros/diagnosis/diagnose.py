@@ -113,7 +113,7 @@ def _report(
         tied = stood_in_for(branches[0].base, chosen.final, blind, asked)
     remains, excuse = _what_remains(chosen, runs, after, asked)
     sparse = excuse == SPARSE
-    effects = found_effects(reached, runs, asked, command)
+    effects = found_effects(reached)
     silent = "" if effects or tied or remains.present else SILENT[sparse]
     if silent and not sparse:
         tied = taken_up(blind)

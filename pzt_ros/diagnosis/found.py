@@ -9,35 +9,30 @@ import numpy as np
 
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.candidates import Candidate, Step
-from pzt_ros.diagnosis.data import SCORE, RunData
+from pzt_ros.diagnosis.data import SCORE
 from pzt_ros.diagnosis.hypothesis import Hypothesis
-from pzt_ros.diagnosis.outcome import errors_of, model_of
-from pzt_ros.diagnosis.reached import Reached, last_fit
+from pzt_ros.diagnosis.reached import Reached
 from pzt_ros.diagnosis.report import FoundEffect, Tried
-from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.effects.table import EFFECT_OF
 
 _INFLATION = 10.0  # of gains where a probability is made of them: residuals are no white noise
 
 
-def found_effects(
-    reached: Reached, runs: Sequence[RunData], asked: Thresholds, command: str
-) -> tuple[FoundEffect, ...]:
+def found_effects(reached: Reached) -> tuple[FoundEffect, ...]:
     """The effects that stand alone, each with the error before and after it was added, and as the model has them."""
     chosen, former = reached.branch, reached.before
-    added = [candidate for step in chosen.steps if not step.tied for candidate in step.accepted]
+    alone = [candidate for step in chosen.steps if not step.tied for candidate in step.accepted]
     final = reached.model.notes["fit"]["parameters"]
     found = []
-    for candidate in added:
-        if candidate.after is chosen.final:
-            now = reached.after
-        else:
-            last = last_fit(candidate.after, runs, asked, reached.anew)
-            now = errors_of(model_of(last, "step", command), runs)
-        own = {name.split(".", 1)[1]: value for name, value in final.items() if name.split(".", 1)[0] == candidate.name}
-        place = EFFECT_OF[candidate.cause].place
-        found.append(FoundEffect(candidate.cause, place, former.test, now.test, own, _probability(candidate, chosen)))
-        former = now
+    for candidate, now in zip(chosen.added, reached.errors[1:], strict=True):
+        if candidate in alone:
+            mark = f"{candidate.name}."
+            own = {name.removeprefix(mark): value for name, value in final.items() if name.startswith(mark)}
+            place = EFFECT_OF[candidate.cause].place
+            found.append(
+                FoundEffect(candidate.cause, place, former.test, now.test, own, _probability(candidate, chosen))
+            )
+            former = now
     return tuple(found)
 
 

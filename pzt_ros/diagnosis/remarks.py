@@ -19,6 +19,10 @@ WORSE = (
     "What explains most of the misfit where the model was fitted and chosen makes its prediction of the rest worse,"
     " {after:.4g} nm rms instead of {before:.4g}: so it is not named."
 )
+BESIDE = (
+    "Beside what is named, {names} would explain more where the model was fitted and chosen, but make its prediction of"
+    " the rest worse, {after:.4g} nm rms instead of {before:.4g}: so that is not named."
+)
 UNSTEADY = (
     "The phase of the tone wanders: as the first half of a run tells it, it makes the prediction of the rest worse,"
     " {after:.4g} nm rms instead of {before:.4g}. It is there all the same; for predictions take the model without it."
