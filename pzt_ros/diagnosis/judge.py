@@ -63,6 +63,20 @@ class Judge:
             for other in others
         )
 
+    def half_seen(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Those that make up what was fitted together with another, be it an alike one, where none shows itself alone.
+
+        What one leaves of the other remembers itself, which noise does not.
+        """
+        asked = self.thresholds
+        there = [c for c in candidates if min(c.fit_share, c.selection_share) >= asked.half_share]
+
+        def make_up(one: Candidate, other: Candidate) -> bool:
+            return one.cause != other.cause and one.fit_share + other.fit_share >= asked.pair_share
+
+        is_any_seen = any(self.is_significant(c) for c in candidates)
+        return [] if is_any_seen else [c for c in there if any(make_up(c, other) for other in there)]
+
     def complementary(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Those that make up what two effects have to explain together with another that is not easily taken for them.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import importlib
+import itertools
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -23,7 +24,7 @@ from scipy import interpolate, optimize, signal
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import Report, diagnose, elimination, final_fit
 from pzt_ros.diagnosis import search as search_of_effects
-from pzt_ros.diagnosis.base import fit_declared
+from pzt_ros.diagnosis.base import begun, fit_declared
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.branches import _trusted, chosen_of
 from pzt_ros.diagnosis.candidates import Candidate, Step
@@ -40,8 +41,8 @@ from pzt_ros.diagnosis.elimination import (
 )
 from pzt_ros.diagnosis.final_fit import fitted_to_all, identified_beside_effects
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
-from pzt_ros.diagnosis.floor import displacement_floors
-from pzt_ros.diagnosis.found import tried_candidates
+from pzt_ros.diagnosis.floor import displacement_floors, with_floors
+from pzt_ros.diagnosis.found import found_effects, tried_candidates
 from pzt_ros.diagnosis.hypothesis import Hypothesis, Misfit, fitted
 from pzt_ros.diagnosis.identifiability import Alike, stood_in_for
 from pzt_ros.diagnosis.identified_densities import _on_all_seen
@@ -50,6 +51,7 @@ from pzt_ros.diagnosis.judge import Judge
 from pzt_ros.diagnosis.less_effects import less_effects
 from pzt_ros.diagnosis.page import write_page
 from pzt_ros.diagnosis.parts import parts_of
+from pzt_ros.diagnosis.reached import reached_of
 from pzt_ros.diagnosis.refinement import detailed, off_bounds, refits
 from pzt_ros.diagnosis.remains import remains_of
 from pzt_ros.diagnosis.screen import Prospect, Screen, _at_bound, _bounded
@@ -1399,6 +1401,73 @@ def test_a_drift_has_values_of_its_own_in_each_run_only_where_the_temperature_do
     outdone = [each.why for each in report.tried if each.name == "thermal_drift" and not each.accepted]
     assert all("thermal_expansion explains as much with fewer unknowns" in why for why in outdone)
     assert len(outdone) == (link == "thermal_expansion")
+
+
+def warmed_late(seed: int) -> Record:
+    """A run in which the reading goes with a body that follows the recorded air by 2 s and began off by 0.2 K."""
+    alone = run(seed)
+    air = 293.0 + 0.3 * np.sin(1.1 * alone.time + seed)
+    lag = signal.lti([1.0], [2.0, 1.0])
+    _, body, _ = signal.lsim(lag, air - air[0], alone.time - alone.time[0])
+    away = 1e-7 * (body - 0.2 * (-1) ** seed * np.exp(-(alone.time - alone.time[0]) / 2.0))
+    return Record(alone.name, {**alone.columns, "displacement_m": alone.displacement + away, "temperature_K": air})
+
+
+def test_a_body_that_comes_after_the_air_is_a_thermal_drift() -> None:
+    """An examiner's case: a drift of 480 nm/K came 6 s after the air, and drifts without a lag predicted it badly."""
+    report = diagnose([warmed_late(1), warmed_late(2)], [warmed_late(3)], declared())
+    (effect,) = report.effects
+    assert effect.name == "thermal_drift"
+    assert [each.kind for each in effects_in(report.model)] == ["thermal_lag"]
+    assert effect.parameters["expansion"]["value"] == pytest.approx(1e-7, rel=0.1)
+    assert effect.parameters["time_constant"]["value"] == pytest.approx(2.0, rel=0.1)
+    assert report.after.score < 1.1 * NOISE
+
+
+def misled(seed: int, turns: bool) -> Record:
+    """A run with creep whose reading goes with a recorded temperature, which may turn its sign half the way."""
+    alone = run(seed, "slow_relaxation")
+    time, late = alone.time, alone.time > np.mean(alone.time)
+    temperature = 293.0 + 0.3 * np.sin(1.1 * time + seed)
+    shown = np.where(turns & late, 2.0 * temperature[late][0] - temperature, temperature)
+    return Record(
+        alone.name,
+        {
+            **alone.columns,
+            "displacement_m": alone.displacement + 1e-7 * (temperature - temperature[0]),
+            "temperature_K": shown,
+        },
+    )
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_the_last_name_goes_that_makes_the_prediction_of_what_scores_worse_and_those_before_stay(turns: bool) -> None:
+    """An examiner's case had three names, and each made it worse than the one before, 45, 50 and 67 nm."""
+    runs = split(with_floors([misled(1, False), misled(2, False)]), with_floors([misled(3, turns)]))
+    places = [begun(declared(), runs)]
+    for name in ("slow_relaxation", "thermal_expansion"):
+        places.append(Search().with_effects(places[-1], [name]))
+    added = [Candidate(after.effects[-1], before, after) for before, after in itertools.pairwise(places)]
+    steps = tuple(Step(each.before, (each,), {}, (each,), (), "is the best") for each in added)
+    branch = Branch("gaussian", places[0], steps)
+    reached = reached_of(runs, branch, places[0], Thresholds(), "", IN_THIS_PROCESS, TimeLimit())
+    names = [effect.name for effect in found_effects(reached)]
+    assert names == (["slow_relaxation"] if turns else ["slow_relaxation", "thermal_drift"])
+    assert len(reached.errors) == 1 + len(names)
+    assert (reached.after.score < 1.1 * NOISE) is not turns
+    assert ("Beside what is named, thermal expansion would" in " ".join(reached.remarks)) is turns
+    (drift,) = [each for each in tried_candidates([reached.branch]) if each.name == "thermal_expansion"]
+    assert ("but it makes the prediction of what scores worse" in drift.why) is turns
+
+
+def test_two_slow_effects_that_hide_one_another_are_both_named() -> None:
+    """Neither shows itself alone; 300 s were spent on other bases, and nothing was named."""
+    report = diagnose([misled(1, False), misled(2, False)], [misled(3, False)], declared())
+    assert [effect.name for effect in report.effects] == ["slow_relaxation", "thermal_drift"]
+    assert report.after.score < 1.1 * NOISE < 0.4 * report.before.score
+    base, second = report.tried[0], next(each for each in report.tried if each.name == "thermal_expansion")
+    assert max(base.fit_share, second.fit_share) < 0.6
+    assert not report.remains.present
 
 
 @pytest.mark.parametrize(("left", "tied", "named"), [(1.1, (), True), (1.29, (), False), (1.29, ("a", "b"), True)])
