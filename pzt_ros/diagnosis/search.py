@@ -346,7 +346,7 @@ class Search(Seeker):
             # the second has to be needed: half of what the first leaves, or it only takes up what the base is off by
             following = [c for c in beside if self.is_significant(c) and self.is_needed(c)]
             if following:
-                pair = (first, following[0])
+                pair = (first, self._plainest(following))
                 if not best or pair[-1].after.total < best[-1].after.total:
                     best = pair
             if best and self.at_floor(best[-1].after):
