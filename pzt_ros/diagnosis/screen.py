@@ -120,9 +120,10 @@ class Screen:
         whole = np.vstack((*hypothesis.jacobians, self._rows))  # what no run tells the prior knows: both make a length
         self._length = np.linalg.norm(whole, axis=0) + 1e-300
         whole /= self._length
-        u, s, vt = np.linalg.svd(whole, full_matrices=False)
+        _, s, vt = np.linalg.svd(np.linalg.qr(whole, mode="r"))  # of the tall matrix it would take many times as much
         sound = s > 1e-7 * s[0]
-        self._q, self._back = u[:, sound], (vt[sound].T / s[sound])
+        self._back = vt[sound].T / s[sound]
+        self._q = whole @ self._back
         self._fitted_samples = residual.size
         padded = np.concatenate((residual, np.zeros(len(self._rows))))
         self._absorbed = self._q.T @ padded

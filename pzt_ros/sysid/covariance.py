@@ -93,11 +93,11 @@ def parameter_covariance(
     n, p = whole.shape
     size = np.linalg.norm(whole, axis=0)
     size[size == 0.0] = 1.0
-    scaled = whole / size
-    _, s, vt = np.linalg.svd(np.linalg.qr(scaled, mode="r"))  # a tenth of the time of an SVD of the tall matrix
+    whole /= size
+    _, s, vt = np.linalg.svd(np.linalg.qr(whole, mode="r"))  # a tenth of the time of an SVD of the tall matrix
     sound = s > INDISTINCT * s[0]
     undetermined: Array = np.any(np.abs(vt[~sound][:, places]) > 0.1, axis=0)
-    gain = (vt[sound][:, places].T / s[sound] ** 2) @ (scaled @ vt[sound].T).T / size[places][:, None]
+    gain = (vt[sound][:, places].T / s[sound] ** 2) @ vt[sound] @ whole.T / size[places][:, None]
     covariance = np.zeros((len(gain), len(gain)))
     row = 0
     for jacobian, residual in zip(jacobians, residuals, strict=True):
