@@ -75,8 +75,11 @@ class Hypothesis:
 
     @property
     def jacobians(self) -> list[Array]:
-        """Of the runs that were fitted, where the fit ended; too large to be kept for every candidate."""
-        return [each.astype(float, copy=False) for each in self.staged.linearise(self.solution.vector)[1]]
+        """Of the runs that were fitted, where the fit ended; too large to be kept for every candidate.
+
+        In the precision of the tangent, which is half the size for an identified density.
+        """
+        return self.staged.linearise(self.solution.vector)[1]
 
     @cached_property
     def selection_residuals(self) -> list[Array]:

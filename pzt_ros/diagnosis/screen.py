@@ -28,6 +28,7 @@ from pzt_ros.errors import BenchError
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Array
 from pzt_ros.sysid.bounded_quadratic import bounded_minimum
+from pzt_ros.sysid.covariance import triangle_of
 from pzt_ros.sysid.gauss_newton import cost_at
 
 _optimize: Any = optimize  # SciPy carries no types
@@ -117,13 +118,13 @@ class Screen:
         self._ahead = self._selection_jacobian()
         self._rows, _ = staged.prior
         self._own = self._own_directions()
-        whole = np.vstack((*hypothesis.jacobians, self._rows))  # what no run tells the prior knows: both make a length
-        self._length = np.linalg.norm(whole, axis=0) + 1e-300
-        whole /= self._length
-        _, s, vt = np.linalg.svd(np.linalg.qr(whole, mode="r"))  # of the tall matrix it would take many times as much
+        parts = (*hypothesis.jacobians, self._rows)  # what no run tells the prior knows: both make a length
+        self._length = np.linalg.norm(np.vstack([np.linalg.norm(part, axis=0) for part in parts]), axis=0) + 1e-300
+        parts = tuple(part / self._length for part in parts)
+        _, s, vt = np.linalg.svd(triangle_of(parts))
         sound = s > 1e-7 * s[0]
         self._back = vt[sound].T / s[sound]
-        self._q = whole @ self._back
+        self._q = np.vstack([part @ self._back for part in parts])
         self._fitted_samples = residual.size
         padded = np.concatenate((residual, np.zeros(len(self._rows))))
         self._absorbed = self._q.T @ padded
