@@ -282,7 +282,8 @@ class Search(Seeker):
     def _plainest(self, sound: Sequence[Candidate]) -> Candidate:
         """The best, or a variant of it with fewer unknowns that is as good: it says more of runs not fitted."""
         best = self.best_of(sound)
-        fewer = [c for c in sound if c.cause == best.cause and c.unknowns < best.unknowns]
+        alike = [c for c in sound if c is not best and c.cause == best.cause]
+        fewer = [c for c in alike if c.unknowns < best.unknowns]
         plain = [replace(c, after=taken_on(c.after, self.thresholds)) for c in fewer if self.is_as_good(best, c)]
         return min(plain, key=lambda c: c.unknowns, default=best)
 
