@@ -228,7 +228,7 @@ EFFECTS: tuple[Effect, ...] = (
         link=ThermalLag,
         place=AT_SENSOR,
         amplitude="expansion",
-        starts=_grid(expansion=(1e-10,), time_constant=(3.0, 10.0, 30.0, 100.0)),
+        starts=_grid(expansion=(1e-9,), time_constant=(3.0, 10.0, 30.0, 100.0)),
         free=("expansion", "time_constant", "missing_expansion"),
         per_run=("missing_expansion",),
         linear=("expansion", "missing_expansion"),
