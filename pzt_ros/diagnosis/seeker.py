@@ -113,8 +113,8 @@ class Seeker(Judge):
 
     def elsewhere(self, base: Hypothesis, candidates: Sequence[Candidate]) -> Iterable[Hypothesis]:
         """The origins; none where the base is wrong, and no effect explains half of what is left, nor do two all."""
-        is_a_start = any(c.share >= self.thresholds.share for c in candidates)
-        is_a_start = is_a_start or bool(self.complementary(candidates) or self.half_seen(candidates))
+        tells = any(c.share >= self.thresholds.share for c in candidates)
+        is_a_start = tells or self.complementary(candidates) or self.half_seen(candidates)
         is_lost = not (is_a_start or base.staged.has_past) and self.is_lost()
         return () if is_lost else self.origins()
 

@@ -21,9 +21,9 @@ _SEEN, _START, _WARM, _TIME, _FIRST, _MEASURED, _BODY, _SIZE = 0, 1, 2, 3, 4, 5,
 class ThermalLag(AddedToReading):
     """Added to the displacement: expansion * (T_late - T(0)) + missing_expansion * (1 - exp(-t/time_constant)).
 
-    T_late follows the measured T as a body in that air does, by one lag that starts at T(0). How far the body was off
-    as a run began nobody knows: the second term is what it still had to expand by then, a number of each run. Without a
-    recorded temperature there is only that term. Time counts from the first sample.
+    T_late follows the measured T as a body in that air does (Newton's law of cooling), by one lag that starts at T(0).
+    How far the body was off as a run began nobody knows: the second term is what it still had to expand by then, a
+    number of each run. Without a recorded temperature there is only that term. Time counts from the first sample.
     """
 
     kind: ClassVar[str] = "thermal_lag"
