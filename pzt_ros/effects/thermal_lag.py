@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from pzt_ros.effects.added import AddedToReading
-from pzt_ros.effects.sampling import lag_gains
+from pzt_ros.effects.sampling import lag_gains, other_step
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.quantities import parameter
@@ -53,8 +53,11 @@ def _warmth(state: Array, time: Array, temperature: Array, time_constant: float)
         state[_WARM], state[_TIME] = 1.0, time[0]
         state[_FIRST] = state[_MEASURED] = state[_BODY] = temperature[0]
     warmth = np.empty(time.size)
+    known, (kept, first, last) = 0.0, lag_gains(0.0, time_constant)
     for k in range(time.size):
-        kept, first, last = lag_gains(time[k] - state[_TIME], time_constant)
+        step = time[k] - state[_TIME]
+        if other_step(step, known):
+            known, (kept, first, last) = step, lag_gains(step, time_constant)
         state[_BODY] = kept * state[_BODY] + first * state[_MEASURED] + last * temperature[k]
         state[_TIME], state[_MEASURED] = time[k], temperature[k]
         warmth[k] = state[_BODY] - state[_FIRST]
