@@ -62,6 +62,22 @@ def heavy_tailed(ec: Array, ee: Array, p: Parameters) -> Array:
     return (1 + u**2 / 3) ** -2 * (1 + w**2 / 3) ** -2
 
 
+def leaning(ec: Array, ee: Array, p: Parameters) -> Array:
+    """Interaction fields that point the more to one side, the harder a domain is."""
+    centre = p["lean"] * (ec - p["coercive_field"])
+    return _bell(ec, p["coercive_field"], p["coercive_sigma"]) * _bell(ee, centre, p["interaction_sigma"])
+
+
+def factorised(ec: Array, ee: Array, p: Parameters) -> Array:
+    """Lognormal switching fields up and down that do not know of one another, from `least` on."""
+    both = np.ones_like(ec)
+    for field, sigma in ((ec - ee, p["up_sigma"]), (ec + ee, p["down_sigma"])):
+        safe = np.maximum(field - p["least"], 1e-9)
+        bell = np.exp(-0.5 * (np.log(safe / (p["coercive_field"] - p["least"])) / sigma) ** 2) / safe
+        both = both * np.where(field > p["least"], bell, 0.0)
+    return both
+
+
 DENSITIES: dict[str, Density] = {
     "gaussian": gaussian,
     "two_component": two_component,
@@ -70,4 +86,6 @@ DENSITIES: dict[str, Density] = {
     "tilted": tilted,
     "boxy": boxy,
     "heavy_tailed": heavy_tailed,
+    "leaning": leaning,
+    "factorised": factorised,
 }
