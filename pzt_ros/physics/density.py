@@ -87,13 +87,13 @@ class Bent(_Bell):
     """A bell of another shape: E = centre + sigma h(z) of a normal z, cut off below `lower` and at 6 sigma.
 
     Skewed, h = (exp(s z) - exp(-s^2))/s, it is the lognormal density, shifted; with tails, h = sinh(r z)/r, S_U of
-    Johnson (Biometrika 36, 1949), at r = 0.5 close to a logistic, beyond to Student's. The tail is r^2, below 0 that of
-    the inverse, which is flatter than a Gaussian: so the density goes straight with it about 0. Lopsided, it is 1 + l
-    times as wide above its centre and 1 - l times below, and densest there still (Fernandez and Steel, J. Am. Stat.
-    Assoc. 93, 1998).
+    Johnson (Biometrika 36, 1949), at r = 0.5 close to a logistic, beyond to Student's; with both, the tails of what is
+    skewed. The tail is r^2, below 0 that of the inverse, which is flatter than a Gaussian: so the density goes straight
+    with it about 0. Lopsided, it is 1 + l times as wide above its centre and 1 - l times below, and densest there still
+    (Fernandez and Steel, J. Am. Stat. Assoc. 93, 1998).
 
     Attributes:
-        skew, tail: s and r^2 [-]; one of them is 0.
+        skew, tail: s and r^2 [-].
         lopsided: l, between -1 and 1 [-].
     """
 
@@ -157,30 +157,31 @@ class Bent(_Bell):
     def _bent(self, z: Array) -> Array:
         """h(z) [-]."""
         s, r = self.skew, math.sqrt(abs(self.tail))
-        if s:
-            return np.asarray((np.expm1(s * z) - math.expm1(-(s**2))) / s)
+        h = np.asarray((np.expm1(s * z) - math.expm1(-(s**2))) / s) if s else z
         if not r:
-            return z
-        return np.asarray((np.sinh if self.tail > 0 else np.arcsinh)(r * z) / r)
+            return h
+        return np.asarray((np.sinh(np.minimum(r * h, _FAR)) if self.tail > 0 else np.arcsinh(r * h)) / r)
 
     def _straight(self, fields: Array) -> tuple[Array, Array]:
         """z at some fields, and dz/dh; infinitely far out, and 0, where there is none."""
         below, above = self._widths
-        h = (fields - self.centre) / np.where(fields > self.centre, above, below)
+        z = (fields - self.centre) / np.where(fields > self.centre, above, below)
         s, r = self.skew, math.sqrt(abs(self.tail))
-        if s:
-            growth = s * h + math.exp(-(s**2))
-            inside = np.maximum(growth, _NOTHING)
-            return np.log(inside) / s, np.where(growth > _NOTHING, 1.0 / inside, 0.0)
-        if not r:
-            return h, np.ones_like(h)
-        if self.tail > 0:
-            return np.arcsinh(r * h) / r, 1.0 / np.hypot(1.0, r * h)
-        return np.sinh(r * h) / r, np.cosh(r * h)
+        growth = np.ones_like(z)
+        if r and self.tail > 0:
+            z, growth = np.arcsinh(r * z) / r, 1.0 / np.hypot(1.0, r * z)
+        elif r:
+            z, growth = np.sinh(r * z) / r, np.cosh(r * z)
+        if not s:
+            return z, growth
+        shifted = s * z + math.exp(-(s**2))
+        inside = np.maximum(shifted, _NOTHING)
+        return np.log(inside) / s, np.where(shifted > _NOTHING, growth / inside, 0.0)
 
 
 _FARTHEST = 6.0  # sigma
 _NOTHING = 1e-300
+_FAR = 300.0  # whose hyperbolic sine is a number still
 
 
 @dataclass(frozen=True)

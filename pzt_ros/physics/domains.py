@@ -10,11 +10,14 @@ import numpy as np
 from pzt_ros.errors import BenchError
 from pzt_ros.physics.density import Bent, Density, Gaussian, Table, ThresholdDensity
 from pzt_ros.physics.density_data import table_from_data, table_to_data, thresholds_from_data, thresholds_to_data
+from pzt_ros.physics.kinds import Kind
 from pzt_ros.physics.kinetics import thermal_width
 from pzt_ros.physics.link import State
 from pzt_ros.physics.signals import Rest
 from pzt_ros.physics.switching import QUASI_STATIC_RATE, Switching
 from pzt_ros.quantities import form, parameter
+
+_LEAST_FIELD = 1.0  # [V/m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,11 +43,27 @@ class Domains(Switching):
     coercive_field_skew: float = parameter(
         0.0, "1", "of the coercive fields, towards a lognormal density; 0: Gaussian", symbol="s", bounds=(-1.0, 1.5)
     )
+    coercive_field_tail: float = parameter(
+        0.0, "1", "of the coercive fields: 0.25 about logistic, below 0 flatter than a Gaussian", bounds=(-1.0, 2.0)
+    )
     interaction_field_tail: float = parameter(
         0.0, "1", "of the interaction fields: 0.25 about logistic, below 0 flatter than a Gaussian", bounds=(-1.0, 2.0)
     )
     interaction_field_skew: float = parameter(
         0.0, "1", "s: the interaction fields are 1 + s times as wide above 0, 1 - s below; 0: even", bounds=(-0.8, 0.8)
+    )
+    interaction_field_growth: float = parameter(
+        0.0, "1", "k: at E_c interaction fields are 1 + k (E_c/coercive_field - 1) times as wide", bounds=(-1.0, 2.0)
+    )
+    second_share: float = parameter(0.0, "1", "of the domains that are of a second kind", bounds=(0.0, 0.95))
+    second_coercive_field: float = parameter(
+        1e6, "V/m", "where the coercive fields of the second kind are densest", bounds=(0.0, 1e7)
+    )
+    second_coercive_field_spread: float = parameter(
+        5e11, "V^2/m^2", "2 sigma^2 of the coercive fields of the second kind", bounds=(0.0, 1e14)
+    )
+    second_interaction_field_spread: float = parameter(
+        5e11, "V^2/m^2", "2 sigma^2 of the interaction fields of the second kind", bounds=(0.0, 1e14)
     )
     relaxation_time: float = parameter(
         1e-3, "s", "of thermally activated switching", symbol="tau_x", bounds=(1e-9, 1e6)
@@ -80,8 +99,10 @@ class Domains(Switching):
         """Density of the coercive field; none lies below 0 (3.12)."""
         if self.coercive_density:
             return self.coercive_density
-        field, spread, skew = self.coercive_field, self.coercive_field_spread, self.coercive_field_skew
-        return Bent(field, spread, skew=skew, lower=0.0) if skew and spread else Gaussian(field, spread, lower=0.0)
+        field, spread = self.coercive_field, self.coercive_field_spread
+        skew, tail = self.coercive_field_skew, self.coercive_field_tail
+        is_bent = bool(spread and (skew or tail))
+        return Bent(field, spread, lower=0.0, skew=skew, tail=tail) if is_bent else Gaussian(field, spread, lower=0.0)
 
     @property
     def interaction(self) -> Density:
@@ -91,6 +112,21 @@ class Domains(Switching):
         spread, tail, skew = self.interaction_field_spread, self.interaction_field_tail, self.interaction_field_skew
         is_bent = bool(spread and (tail or skew))
         return Bent(0.0, spread, tail=tail, lopsided=skew) if is_bent else Gaussian(0.0, spread)
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """Of domains: one, or two."""
+        reference = max(self.coercive_field, _LEAST_FIELD)
+        first = Kind(1.0 - self.second_share, self.coercive, self.interaction, self.interaction_field_growth, reference)
+        if not self.second_share:
+            return (first,)
+        coercive = Gaussian(self.second_coercive_field, self.second_coercive_field_spread, lower=0.0)
+        return (first, Kind(self.second_share, coercive, Gaussian(0.0, self.second_interaction_field_spread)))
+
+    @property
+    def is_product(self) -> bool:
+        """Whether one density of each field, independent of the other, says all."""
+        return self.threshold_density is None and len(self.kinds) == 1 and not self.interaction_field_growth
 
     @property
     def thermal_width(self) -> float:

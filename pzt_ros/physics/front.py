@@ -50,7 +50,7 @@ class Front(Domains):
     def fronts(self) -> Fronts:
         """What the compiled loops need."""
         identified, width = self.threshold_density, self.thermal_width
-        table = everett_of(identified) if identified else everett(self.coercive, self.interaction)
+        table = everett_of(identified) if identified else everett(self.kinds)
         return Fronts(
             table=_shared_table(),
             shares=table.values,

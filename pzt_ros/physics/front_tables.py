@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from numba import njit
 
 from pzt_ros.physics.compiling import OUTER
 from pzt_ros.physics.density import Density, Table
+from pzt_ros.physics.kinds import Kind
 from pzt_ros.physics.signals import Array
 
 CUT = 5.0
@@ -62,23 +64,25 @@ class Everett(NamedTuple):
 
 
 @functools.lru_cache(maxsize=KEPT)
-def everett(coercive: Density, interaction: Density) -> Everett:
-    """Tabulate the Everett function of two independent densities; a spread below 2 steps of the grid is widened."""
-    narrowest = min(_sigma(coercive), _sigma(interaction))
-    step = max(_STEP * narrowest, 2 * _reach(coercive, interaction) / MAX_POINTS)
-    coercive, interaction = coercive.widened(2 * step), interaction.widened(2 * step)
-    half = math.ceil(_reach(coercive, interaction) / step)
-    reach = half * step
+def everett(kinds: tuple[Kind, ...]) -> Everett:
+    """Tabulate the Everett function of some kinds of domains; a spread below 2 steps of the grid is widened."""
+    narrowest = min(_sigma(density) for kind in kinds for density in (kind.coercive, kind.interaction))
+    step = max(_STEP * narrowest, 2 * _reach(kinds) / MAX_POINTS)
+    kinds = tuple(kind.widened(2 * step) for kind in kinds)
+    half = math.ceil(_reach(kinds) / step)
     points = 2 * half + 1
     barriers: Array = np.arange(4 * half + 1, dtype=np.float64) * (step / 4)
     fields: Array = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (step / 4)
-    f1, _ = _sampled(coercive, barriers)
-    f2, F2 = _sampled(interaction, fields)
+    parts = [kind.sampled(barriers, fields) for kind in kinds]
+    density, below = (np.sum([part[k] for part in parts], axis=0) for k in (0, 1))
+    change = np.gradient(density, step / 4, axis=1)
     values = np.zeros((2, 3, points, points, 4))
-    _fill(values[0], f1, f2, F2, np.gradient(f2, step / 4), step)
+    _fill(values[0], density, below, *(_within(each, step) for each in (density, below, change)), change, step)
     finished(values)
-    mean = float(np.sum(fields * f2) / np.sum(f2))
-    return Everett(values, step, reach, 1.0 - float(F2[4 * half]), mean)
+    down, whole, field, weight = _within(
+        np.column_stack((below[:, 4 * half], below[:, -1], density @ fields, density.sum(axis=1))), step
+    )[-1]
+    return Everett(values, step, half * step, float(1.0 - down / whole), float(field / weight))
 
 
 def _sigma(density: Density) -> float:
@@ -88,28 +92,24 @@ def _sigma(density: Density) -> float:
     return float(np.std(density.quantile(share)))
 
 
-def _reach(coercive: Density, interaction: Density) -> float:
+def _reach(kinds: Sequence[Kind]) -> float:
     """The highest field at which a domain switches [V/m]."""
-    (_, highest), ends = (d.support(CUT) if d.spread > 0 else (d.peak, d.peak) for d in (coercive, interaction))
-    return highest + max(abs(ends[0]), abs(ends[1]))
+    ends = np.array([kind.ends(CUT) for kind in kinds])
+    return float(np.max(ends[:, 1] + np.abs(ends[:, 2:]).max(axis=1)))
 
 
-def _sampled(density: Density, grid: Array) -> tuple[Array, Array]:
-    """Density and cumulative share on an even grid."""
-    if not isinstance(density, Table):
-        return density.at(grid), density.below(grid)
-    # a table may have features below the step: what counts is the share between two points
-    step = grid[1] - grid[0]
-    edges = np.concatenate((grid - step / 2, [grid[-1] + step / 2]))
-    edges[0] = max(edges[0], grid[0])
-    return np.diff(density.below(edges)) / np.diff(edges), density.below(grid)
+def _within(of_barriers: Array, step: float) -> Array:
+    """Integrals over the barrier from 0 to every half step, by Simpson's rule on quarter steps."""
+    pairs = (of_barriers[:-2:2] + 4 * of_barriers[1:-1:2] + of_barriers[2::2]) * (step / 12)
+    return np.concatenate((np.zeros_like(pairs[:1]), np.cumsum(pairs, axis=0)))
 
 
 @njit(**OUTER, error_model="numpy", nogil=True)
-def _fill(values, f1, f2, F2, change2, step):  # type: ignore[no-untyped-def]
-    """Integrals over the barrier by Simpson's rule; f1 on quarter steps from 0, the others from -reach.
+def _fill(values, f, F, f_within, F_within, change_within, change, step):  # type: ignore[no-untyped-def]
+    """Integrals over the barrier by Simpson's rule; rows on quarter steps from 0, columns from -reach.
 
-    They grow along the grid, int f1(x) g(-l - x) dx with u, int f1(x) g(x - u) dx as l falls, by one rule a point.
+    They grow along the grid, int f(x, -l - x) dx with u, int f(x, x - u) dx as l falls, by one rule a point. F is the
+    integral of f over E_e from below, the others are those of f, F and df/dE_e from 0 to every half step.
     """
     n = values.shape[1]
     triangle, lower = values[TRIANGLE], values[LOWER]
@@ -120,30 +120,30 @@ def _fill(values, f1, f2, F2, change2, step):  # type: ignore[no-untyped-def]
         for i in range(j + 1, n):
             for k in range(3):
                 x = 2 * (i - 1 - j) + k
-                share += rule[k] * f1[x] * F2[at - x]
-                slope += rule[k] * f1[x] * f2[at - x]
+                share += rule[k] * F[x, at - x]
+                slope += rule[k] * f[x, at - x]
             triangle[i, j, 0], triangle[i, j, 2] = share, -step * slope
     for i in range(n):
         at = 4 * (n - 1 - i)  # of -u
-        share = slope = below_c = 0.0
+        share = slope = 0.0
         for j in range(i, -1, -1):
             if j < i:
                 for k in range(3):
                     x = 2 * (i - 1 - j) + k
-                    share += rule[k] * f1[x] * F2[at + x]
-                    slope += rule[k] * f1[x] * f2[at + x]
-                    below_c += rule[k] * f1[x]
-            tip, m = f1[2 * (i - j)], 4 * (n - 1) - 2 * (i + j)
+                    share += rule[k] * F[x, at + x]
+                    slope += rule[k] * f[x, at + x]
+            c, m = i - j, 4 * (n - 1) - 2 * (i + j)
+            tip = f[2 * c, m]
             triangle[i, j, 0] -= share
             triangle[i, j, 1] = step * slope
-            triangle[i, j, 3] = -0.5 * step * step * tip * f2[m]
-            median = 0.5 * step * f2[m] * below_c
-            lower[i, j, 0] = F2[m] * below_c - share
+            triangle[i, j, 3] = -0.5 * step * step * tip
+            median = 0.5 * step * f_within[c, m]
+            lower[i, j, 0] = F_within[c, m] - share
             lower[i, j, 1] = step * slope - median
             lower[i, j, 2] = -median
-            lower[i, j, 3] = 0.25 * step * step * (change2[m] * below_c - tip * f2[m])
-    beyond_diagonal(triangle, f1[0], f2, change2, step)
-    beyond_diagonal(lower, 0.5 * f1[0], f2, change2, step)
+            lower[i, j, 3] = 0.25 * step * step * (change_within[c, m] - tip)
+    beyond_diagonal(triangle, 1.0, f[0], change[0], step)
+    beyond_diagonal(lower, 0.5, f[0], change[0], step)
 
 
 def finished(values: Array) -> None:

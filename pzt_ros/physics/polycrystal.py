@@ -42,6 +42,10 @@ class Polycrystal(Domains):
     def tables(self, coercive: Nodes, interaction: Nodes) -> tuple[Array, Array, Array, Array]:
         """Thresholds a and b [V/m] and the weights of rows and columns, as `polycrystal_kernel` wants them."""
 
+    def interaction_fields(self, coercive: Nodes, interaction: Nodes) -> Array:
+        """Of every domain, a row of the tables after the other [V/m]."""
+        return np.tile(interaction[0], coercive[0].size)
+
     @cached_property
     def elements(self) -> kernel.Elements:
         """What the compiled loops need."""
@@ -66,7 +70,7 @@ class Polycrystal(Domains):
 
     def _virgin(self) -> State:
         coercive, interaction = self.nodes()
-        x = np.tile(np.where(interaction[0] < 0, 0.0, 1.0), coercive[0].size)
+        x = np.where(self.interaction_fields(coercive, interaction) < 0, 0.0, 1.0)
         slope = coercive[1].sum() * interaction[1].sum() * self.elements.susceptibility / self.layer_thickness
         return np.concatenate(([0.0, 0.0, slope], x))
 

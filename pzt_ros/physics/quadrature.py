@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from pzt_ros.errors import BenchError
-from pzt_ros.physics.density import Nodes, equal_probability, gauss_legendre, thesis_constant
+from pzt_ros.physics.density import Density, Nodes, equal_probability, gauss_legendre, thesis_constant
+from pzt_ros.physics.kinds import Kind
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
 from pzt_ros.quantities import choice, parameter
@@ -44,34 +47,70 @@ class Quadrature(Polycrystal):
             raise BenchError(f"{self.kind}: threshold_density needs domains on a lattice; use lattice or front")
 
     def nodes(self) -> tuple[Nodes, Nodes]:
-        """Nodes of the coercive and of the interaction field; a spread of 0 gives one node."""
+        """Nodes of the coercive and of the interaction field, of one kind of domains after the other; a spread of 0
+        gives one node."""
+        if self.is_product:
+            return self._nodes_of(self.kinds[0])
+        parts = [(kind, *self._nodes_of(kind)) for kind in self.kinds]
+        coercive = [(fields, kind.share * weights) for kind, (fields, weights), _ in parts]
+        interaction = [
+            (np.average(kind.widening(barriers[0]), weights=barriers[1]) * fields, kind.share * weights)
+            for kind, barriers, (fields, weights) in parts
+        ]
+        return _after_one_another(coercive), _after_one_another(interaction)
+
+    def tables(self, coercive: Nodes, interaction: Nodes) -> tuple[Array, Array, Array, Array]:
+        """One row that holds every domain."""
+        if self.is_product:
+            barrier, field = (grid.ravel() for grid in np.meshgrid(coercive[0], interaction[0], indexing="ij"))
+            weight = np.outer(coercive[1], interaction[1]).ravel()
+        else:
+            barrier, field, weight = self._domains
+        return barrier - field, -barrier - field, np.ones(1), weight
+
+    def interaction_fields(self, coercive: Nodes, interaction: Nodes) -> Array:
+        """Of every domain [V/m]."""
+        return super().interaction_fields(coercive, interaction) if self.is_product else self._domains[1]
+
+    @cached_property
+    def _domains(self) -> tuple[Array, Array, Array]:
+        """Coercive and interaction field [V/m] and weight [-] of each, where these are no product."""
+        parts = []
+        for kind in self.kinds:
+            coercive, interaction = self._nodes_of(kind)
+            fields = np.outer(kind.widening(coercive[0]), interaction[0])
+            barriers = np.broadcast_to(coercive[0][:, None], fields.shape)
+            weights = kind.share * np.outer(coercive[1], interaction[1])
+            parts.append((barriers.ravel(), fields.ravel(), weights.ravel()))
+        barrier, field, weight = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return barrier, field, weight
+
+    def _nodes_of(self, kind: Kind) -> tuple[Nodes, Nodes]:
+        """Of a kind of domains, its interaction fields those at its reference."""
         above = self._count("nodes_coercive_above")
         below = self._count("nodes_coercive_below")
         side = self._count("nodes_interaction_side")
         if self.rule == "thesis":
-            coercive = gauss_legendre(self.coercive, below, above)
-            interaction = gauss_legendre(self.interaction, side, side)
+            coercive = gauss_legendre(kind.coercive, below, above)
+            interaction = gauss_legendre(kind.interaction, side, side)
         else:
-            coercive = equal_probability(self.coercive, below + above)
-            interaction = equal_probability(self.interaction, 2 * side)
-        return self._normalized(coercive, True), self._normalized(interaction, False)
+            coercive = equal_probability(kind.coercive, below + above)
+            interaction = equal_probability(kind.interaction, 2 * side)
+        return self._normalized(coercive, kind.coercive), self._normalized(interaction, kind.interaction)
 
-    def tables(self, coercive: Nodes, interaction: Nodes) -> tuple[Array, Array, Array, Array]:
-        """One row that holds every domain."""
-        coercive_field, interaction_field = np.meshgrid(coercive[0], interaction[0], indexing="ij")
-        weight = np.outer(coercive[1], interaction[1]).ravel()
-        forward, backward = coercive_field - interaction_field, -coercive_field - interaction_field
-        return forward.ravel(), backward.ravel(), np.ones(1), weight
-
-    def _normalized(self, nodes: Nodes, coercive: bool) -> Nodes:
+    def _normalized(self, nodes: Nodes, density: Density) -> Nodes:
         fields, weights = nodes
         if self.normalization == "exact":
             return fields, weights / weights.sum()
-        factor = thesis_constant(self.coercive if coercive else self.interaction) if self.rule == "thesis" else 1.0
-        return fields, weights * factor
+        return fields, weights * (thesis_constant(density) if self.rule == "thesis" else 1.0)
 
     def _count(self, name: str) -> int:
         value = getattr(self, name)
         if value != int(value):
             raise BenchError(f"{self.kind}.{name}: {value:g} is not a whole number; give one")
         return int(value)
+
+
+def _after_one_another(nodes: Sequence[Nodes]) -> Nodes:
+    fields, weights = zip(*nodes, strict=True)
+    return np.concatenate(fields), np.concatenate(weights)

@@ -16,11 +16,22 @@ from pzt_ros.quantities import Parameter, parameters_of
 GIVEN = ("gain", "layer_thickness", "electrode_area", "active_length", "temperature", "virgin_amplitude")
 """Known from a data sheet or an instrument, and without an effect of their own: free only where `free:` names them."""
 
-SHAPES = ("coercive_field_skew", "interaction_field_tail")
+SHAPES = ("coercive_field_skew", "coercive_field_tail", "interaction_field_tail")
 """How densities differ from Gaussians: free only where `free:` names them, for most runs do not tell."""
 
 LOPSIDED = "interaction_field_skew"
 """The same of interaction fields that prefer a direction, which a bias field looks much like."""
+
+GROWTH = "interaction_field_growth"
+"""The same of interaction fields that are the wider, the harder a domain is."""
+
+SECOND = (
+    "second_share",
+    "second_coercive_field",
+    "second_coercive_field_spread",
+    "second_interaction_field_spread",
+)
+"""The same of domains of a second kind."""
 
 NUMERICAL = ("accuracy", "spacing", "cut", "dead_band")
 """Settings of a method, not properties of a specimen; a fit leaves them alone, as it does the counts of nodes."""
@@ -111,7 +122,11 @@ def free_parameters(chain: Chain) -> list[FreeParameter]:
     known = {parameter.name: parameter for parameter in fittable(chain)}
     names = chain.notes.get("free")
     if names is None:
-        return [parameter for parameter in known.values() if parameter.field not in (*GIVEN, *SHAPES, LOPSIDED)]
+        return [
+            parameter
+            for parameter in known.values()
+            if parameter.field not in (*GIVEN, *SHAPES, LOPSIDED, GROWTH, *SECOND)
+        ]
     if not isinstance(names, list) or not names:
         raise BenchError(f"{chain.name}: free: {names!r} is not a list of parameters; known are {', '.join(known)}")
     for name in names:

@@ -14,6 +14,7 @@ from pzt_ros.physics.density import Gaussian, Table
 from pzt_ros.physics.front import Front
 from pzt_ros.physics.front_kinetics import attempts
 from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER, everett
+from pzt_ros.physics.kinds import Kind
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.signals import Rest, Signals
@@ -123,7 +124,7 @@ def test_attempts_are_the_integral_of_the_rate():
 @pytest.mark.parametrize("spreads", [(5e11, 5e11), (1e12, 1e11), (1e10, 1e10)])
 def test_everett_table_against_quadrature(spreads):
     coercive, interaction = Gaussian(5e5, spreads[0], 0.0), Gaussian(0.0, spreads[1])
-    table = everett(coercive, interaction)
+    table = everett((Kind(1.0, coercive, interaction),))
     middle = table.values.shape[2] // 2
     for i, j in ((3, -3), (6, 1), (8, -11), (1, -14)):
         u, l = i * table.step, j * table.step  # noqa: E741
