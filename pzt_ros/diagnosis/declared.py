@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,7 +38,12 @@ _COARSEST = 1e-2  # error of x+ on slow ramps
 _MOST_DOMAINS = 40_000  # of a lattice; 20,000 samples that all move then take 2 s
 _FEW_MORE = 4.0  # times that: what a narrow spread may ask for
 _MOST_WIDE_DOMAINS = 8_000  # of one that takes the front model's place: spreads that ran away would make it far slower
-
+_SPREADS = (
+    "coercive_field_spread",
+    "interaction_field_spread",
+    "second_coercive_field_spread",
+    "second_interaction_field_spread",
+)
 
 _Kept = slice | NDArray[np.intp]
 
@@ -156,6 +160,12 @@ class DeclaredHysteresis:
         """The same with more parameters of the model free, behind those that are."""
         free = (*self.coordinates, *(coordinate(self.model, field) for field in fields))
         return DeclaredHysteresis(self.model, self.quick, free, self.records, self.starts, self.gain)
+
+    def begun_at(self, values: Mapping[str, float]) -> DeclaredHysteresis:
+        """The same with other values to start from [SI]."""
+        model, quick = (dataclasses.replace(link, **values) for link in (self.model, self.quick))
+        free = [dataclasses.replace(each, start=values.get(each.field, each.start)) for each in self.coordinates]
+        return DeclaredHysteresis(model, quick, free, self.records, self.starts, self.gain)
 
     def for_one_search(self) -> DeclaredHysteresis:
         """A copy that keeps tangents for as long as they serve; what it gives depends on what it was asked before."""
@@ -312,10 +322,10 @@ def _affordable(link: Ferroelectric, most: int) -> Ferroelectric:
     if not isinstance(link, Lattice) or link.threshold_density is not None:
         return link
     link = _not_too_narrow(link, _FEW_MORE * most)
-    excess = _domains(link) / most
+    excess = link.domains / most
     if excess <= 1.0:
         return link
-    wide = sum(density.spread > 0 for density in (link.coercive, link.interaction))
+    wide = sum(density.spread > 0 for density in (link.coercive, link.interaction)) if link.is_product else 2
     spacing = link.field_spacing / link.thermal_width * excess ** (1.0 / max(wide, 1))
     accuracy = max(link.accuracy, min(excess * link.accuracy, _COARSEST))  # a substep goes with the root of it
     return dataclasses.replace(link, spacing=max(link.spacing, min(spacing, _WIDEST)), accuracy=accuracy)
@@ -323,17 +333,12 @@ def _affordable(link: Ferroelectric, most: int) -> Ferroelectric:
 
 def _not_too_narrow(link: Lattice, most: float) -> Lattice:
     """With a spread that is far below thermal activation no narrower than so many domains can follow."""
-    spread = {"coercive_field_spread": link.coercive.spread, "interaction_field_spread": link.interaction.spread}
-    narrower = min(spread, key=lambda field: spread[field])
+    densities = [density for kind in link.kinds for density in (kind.coercive, kind.interaction)]
+    spread = {field: density.spread for field, density in zip(_SPREADS, densities, strict=False)}
+    narrowest = min(spread, key=lambda field: spread[field])
     needless = link.spacing * link.thermal_width / link.field_spacing  # times closer than thermal activation asks
-    widening = min(_domains(link) / most, needless)
-    if widening <= 1.0 or spread[narrower] == 0.0:
+    widening = min(link.domains / most, needless)
+    if widening <= 1.0 or spread[narrowest] == 0.0:
         return link
-    widened: dict[str, Any] = {narrower: spread[narrower] * widening**2}
+    widened: dict[str, Any] = {field: max(spread[field], spread[narrowest] * widening**2) for field in spread}
     return dataclasses.replace(link, **widened)
-
-
-def _domains(link: Lattice) -> float:
-    """How many a lattice has."""
-    wide = [density.support(link.cut) for density in (link.coercive, link.interaction) if density.spread > 0]
-    return math.prod((high - low) / link.field_spacing for low, high in wide)

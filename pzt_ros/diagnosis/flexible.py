@@ -33,7 +33,6 @@ from pzt_ros.effects.strain_polarization_hysteresis import StrainPolarizationHys
 from pzt_ros.effects.table import EFFECT_OF
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.ferroelectric import Ferroelectric
-from pzt_ros.physics.identified_hats import gathered, hats_of, relay_thresholds
 from pzt_ros.physics.link import Link
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array
@@ -42,6 +41,7 @@ from pzt_ros.physics.strain_hysteresis import StrainHysteresis
 from pzt_ros.physics.strain_law import StrainLaw
 from pzt_ros.sysid.identified_fit import Choice, IdentifiedFit, IdentifiedResult
 from pzt_ros.sysid.rate_independent import RateIndependentHysteresis
+from pzt_ros.sysid.read_off import shares_of
 from pzt_ros.sysid.run import Start, amplifier_gain, typical_leg
 
 _STEPS = 4
@@ -51,7 +51,7 @@ _PASTS_LEAVE = 0.25
 for it: of runs with a past they left 0.1 and less, of a creep and a fatigue of 10 x 0.6 and more, of a creep of 5 x
 beside plays 0.35."""
 _TYPICALLY_LEAVE = 0.5  # the same of the rms over noise of a typical run
-_LINES = 160  # of thresholds, over a whole grid, at which a formula's density is taken
+
 _NEAR = 2.0  # rms over noise up to which a density that the pasts of a model suit is where a search for others begins
 
 ROTATIONS, ORDERS = (0.0, 1.0, 10.0, 100.0), (2, 3)
@@ -110,19 +110,8 @@ def _pasts_may_tell(found: Hypothesis, beyond: Hypothesis) -> bool:
 def fit_about(model: Hypothesis) -> Hypothesis:
     """The same in place of a polycrystal that is nearly right: with its pasts, and its density where no run tells."""
     polycrystal = next(link for link in model.staged.chain_at(model.vector).links if isinstance(link, Polycrystal))
-    found = _lattice(model, model, believed=partial(_shares_of, polycrystal))
+    found = _lattice(model, model, believed=partial(shares_of, polycrystal))
     return exact(fitted(found.staged, found.vector, found.effects, _STEPS))
-
-
-def _shares_of(polycrystal: Polycrystal, grid: Array) -> Array:
-    """What the hats of a lattice weigh as the densities of a polycrystal have it [any unit, shape (nodes,)]."""
-    lines = np.linspace(grid[0], grid[-1], _LINES)
-    up, down = relay_thresholds(lines)
-    coercive, interaction = (
-        density.widened(float(lines[1] - lines[0])) for density in (polycrystal.coercive, polycrystal.interaction)
-    )
-    weight = coercive.at(0.5 * (up - down)) * interaction.at(-0.5 * (up + down))
-    return gathered(weight, hats_of(lines, grid))
 
 
 def _in_turn(model: Hypothesis, found: Hypothesis, workers: Workers) -> Hypothesis:

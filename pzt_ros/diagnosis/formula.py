@@ -14,17 +14,16 @@ from __future__ import annotations
 from contextlib import suppress
 
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
-from pzt_ros.diagnosis.flexible import beside_the_rest, fit_about
+from pzt_ros.diagnosis.flexible import fit_about
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
-from pzt_ros.diagnosis.histories import refitted_from
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
+from pzt_ros.diagnosis.of_kinds import of_kinds
 from pzt_ros.diagnosis.settings import Thresholds
-from pzt_ros.diagnosis.shaped import lopsided
-from pzt_ros.diagnosis.strain_laws import as_powers
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
-_STEPS = 40
+_PLAINER = 1.05  # what a formula may leave, as a multiple of what a density without one does: it has far fewer numbers
 _REMEMBERS = 0.8
 """Share of the samples that tell something new from which what is left of them is the noise's: of right densities 1.0,
 of shapes that stood for heavy tails 0.2 to 0.5. The noise's size says less: a hum has it estimated too large."""
@@ -39,26 +38,24 @@ def is_formula_off(found: Hypothesis, asked: Thresholds) -> bool:
     return any(part.effective < _REMEMBERS * part.samples for part in (found.fit, found.selection))
 
 
-def formula_again(found: Hypothesis, declared: Hypothesis) -> Hypothesis:
-    """Beside its effects, the declared densities with free shapes in place of a lattice, where those leave no more.
+def formula_again(found: Hypothesis, declared: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
+    """Beside its effects, densities with a formula in place of a lattice, where those leave no more.
 
     Args:
         found: on an identified lattice, or another base, which stays.
-        declared: the base whose densities these are, fitted without an effect; they begin as they were declared.
+        declared: the base whose densities these are, fitted without an effect; they begin as the lattice tells them.
+        workers: fit formulas side by side.
     """
     lattice, ceramic = found.staged.ceramic, declared.staged.ceramic
-    law = next((law for law in map(as_powers, declared.staged.chain.links) if law is not None), None)
-    is_formula = isinstance(ceramic, DeclaredHysteresis) and isinstance(ceramic.model, Polycrystal)
-    if not (isinstance(lattice, FlexibleHysteresis) and lattice.choice and is_formula and law and found.effects):
+    if not (isinstance(lattice, FlexibleHysteresis) and lattice.choice):
         return found
-    if not found.choosing or found.staged.has_past or any(run.wander for run in found.staged.runs):
+    if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Polycrystal):
+        return found
+    if found.staged.has_past or any(run.wander for run in found.staged.runs):
         return found
     with suppress(BenchError):
-        staged, start = beside_the_rest(found, ceramic, law, lattice.choice.order)
-        pasts = {number: lattice.start_of(found.vector, number) for number in range(len(staged.runs))}
-        other = refitted_from(fitted(staged, start, found.effects, most_steps=0), pasts, _STEPS)
-        other = exact(lopsided(exact(other)))
-        if other.total <= found.total:
+        other = exact(of_kinds(found, ceramic, workers))
+        if other.total <= _PLAINER * found.total:
             return other
     return found
 

@@ -10,8 +10,9 @@ import numpy as np
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted, total_of
 from pzt_ros.physics.polycrystal import Polycrystal
-from pzt_ros.sysid.parameters import LOPSIDED, SHAPES
+from pzt_ros.sysid.parameters import GROWTH, LOPSIDED, SECOND, SHAPES
 
+_ALL = (*SHAPES, LOPSIDED, GROWTH, *SECOND)
 _STEPS = 40
 _NEAR = 1.1  # rms over noise where it was fitted, from which shapes are sought from elsewhere, too
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
@@ -72,4 +73,4 @@ def far_better_shaped(found: Hypothesis) -> Hypothesis:
 def is_shaped(found: Hypothesis) -> bool:
     """Whether shapes of its densities are free."""
     ceramic = found.staged.ceramic
-    return isinstance(ceramic, DeclaredHysteresis) and any(each.field in SHAPES for each in ceramic.coordinates)
+    return isinstance(ceramic, DeclaredHysteresis) and any(each.field in _ALL for each in ceramic.coordinates)

@@ -12,7 +12,7 @@ from pzt_benchmarks.residual_court.cases import Case, Spec, make_case
 from pzt_benchmarks.residual_court.files import declared_chain
 from pzt_ros.chains import load_chain
 from pzt_ros.diagnosis import density_alone as alone
-from pzt_ros.diagnosis import flexible, formula
+from pzt_ros.diagnosis import formula
 from pzt_ros.diagnosis.base import begun
 from pzt_ros.diagnosis.branch import Branch
 from pzt_ros.diagnosis.data import RunData, split
@@ -38,8 +38,11 @@ from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array
 from pzt_ros.records import Record
 from pzt_ros.sysid.predict import predict
+from pzt_ros.sysid.read_off import shares_of
 
 NOISE, EVERY = 12e-9, 4
+TWO_SHAPES = "coercive_field_skew", "interaction_field_tail"
+"""Not those of heavy tails in both fields, which come near them only."""
 
 
 def runs_of(case: Case, tmp_path: Any) -> tuple[list[RunData], Chain]:
@@ -61,7 +64,7 @@ def thinned(name: str, columns: dict[str, Array]) -> Record:
 def beside(case: Case, tmp_path: Any) -> tuple[Hypothesis, list[RunData]]:
     """Densities with free shapes, beside what is hidden."""
     runs, declared = runs_of(case, tmp_path)
-    base = exact(shaped(begun(declared, runs)))
+    base = exact(shaped(begun(declared, runs), TWO_SHAPES))
     return (Search().with_effects(base, list(case.spec.effects)) if case.spec.effects else base), runs
 
 
@@ -80,8 +83,8 @@ def test_the_model_has_an_identified_density_where_that_of_a_formula_is_off(tmp_
     assert isinstance(last.staged.ceramic, FlexibleHysteresis)
     assert last.effects == ("thermal_drift",)
     assert reached.remarks == (INSTEAD,)
-    assert left(found, case) > 1.2
-    assert left(last, case) < 1.1
+    assert left(found, case) > 1.1
+    assert left(last, case) < min(1.1, 1.0 + 0.7 * (left(found, case) - 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -100,18 +103,18 @@ def test_a_formula_that_an_effect_had_bent_is_taken_again_beside_it(bent: Any) -
     reached = reached_of(runs, branch, base, Thresholds(), "", IN_THIS_PROCESS, TimeLimit())
     assert isinstance(reached.final.staged.ceramic, DeclaredHysteresis)
     assert (reached.final.effects, reached.remarks) == (("thermal_drift",), (FORMULA,))
-    assert left(lattice, case) > 1.3
-    assert left(reached.final, case) < 1.1
+    assert left(lattice, case) > 1.2
+    assert left(reached.final, case) < 1.0 + 0.2 * (left(lattice, case) - 1.0)
 
 
 def test_a_formula_stays_aside_where_it_leaves_more_or_there_is_none(
     bent: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, _, base, lattice = bent
-    monkeypatch.setattr(formula, "lopsided", lambda found: found)  # Gaussians
-    assert formula_again(lattice, base) is lattice
-    assert formula_again(base, base) is base  # it is one, and has no effects
+    assert formula_again(base, base) is base  # it is one
     assert formula_again(lattice, lattice) is lattice  # nothing with a formula is known
+    monkeypatch.setattr(formula, "of_kinds", lambda *_: base)  # without the drift
+    assert formula_again(lattice, base) is lattice
 
 
 def test_a_null_needs_no_effect_beside_the_density(tmp_path: Any) -> None:
@@ -220,7 +223,7 @@ def test_hats_of_a_formula_are_its_density(shapes: dict[str, float]) -> None:
         **shapes,
     )  # fmt: skip
     grid = np.linspace(-1.5e6, 1.5e6, 31)
-    shares = flexible._shares_of(polycrystal, grid)
+    shares = shares_of(polycrystal, grid)
     places = {node: number for number, node in enumerate(nodes_of(grid.size))}
     pairs = (22, 10), (26, 8)
 

@@ -184,7 +184,7 @@ def test_gaussians_stay_what_they_are() -> None:
     assert [is_shaped(each) for each in (gaussian, free)] == [False, True]
     assert shaped(free) is free
     places = [place for place, name in enumerate(free.staged.ceramic.names) if "skew" in name or "tail" in name]
-    assert len(places) == 2
+    assert len(places) == 3
     assert np.all(np.abs(free.vector[places]) < 0.03)
 
 
