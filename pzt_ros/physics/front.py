@@ -67,7 +67,8 @@ class Front(Domains):
         )
 
     def _virgin(self) -> State:
-        return memory.virgin(self.fronts, all_up=not self.threshold_density and self.interaction.spread == 0)
+        is_even = self.threshold_density is None and all(kind.interaction.spread == 0 for kind in self.kinds)
+        return memory.virgin(self.fronts, all_up=is_even)
 
     @property
     def _state_size(self) -> int:
