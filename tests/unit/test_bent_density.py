@@ -100,9 +100,19 @@ def polarization(link: Front | Lattice) -> Array:
 
 
 @pytest.mark.parametrize(
-    "shape", [(0.6, 0.0, 0.0), (0.0, 0.7, 0.0), (0.4, -0.5, 0.0), (-0.4, 0.3, 0.0), (0.0, 0.0, -0.3), (0.3, 0.4, 0.5)]
+    "shape",
+    [
+        (0.6, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.7, 0.0),
+        (0.4, 0.0, -0.5, 0.0),
+        (-0.4, 0.0, 0.3, 0.0),
+        (0.0, 0.0, 0.0, -0.3),
+        (0.3, 0.0, 0.4, 0.5),
+        (0.0, 0.7, 0.0, 0.0),
+        (-0.3, -0.6, 0.3, 0.2),
+    ],
 )
-def test_front_and_lattice_agree_on_it(shape: tuple[float, float, float]) -> None:
+def test_front_and_lattice_agree_on_it(shape: tuple[float, float, float, float]) -> None:
     """As near as on Gaussians."""
     shapes: Any = dict(zip((*SHAPES, LOPSIDED), shape, strict=True))
     fields: Any = {"coercive_field": 4e5, "coercive_field_spread": 8e10, "interaction_field_spread": 5e10}
