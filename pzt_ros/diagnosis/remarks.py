@@ -55,15 +55,17 @@ _GRAIN = (
 )
 _SHAPED = (
     "The densities of coercive and interaction fields are no Gaussians: their skew and tails were fitted, too"
-    " (coercive_field_skew, interaction_field_tail and, where they prefer a direction, interaction_field_skew)."
+    " (coercive_field_skew, coercive_field_tail, interaction_field_tail and, where they prefer a direction,"
+    " interaction_field_skew)."
 )
 INSTEAD = (
     "A density with a formula leaves something of its own beside what is named. The model has one that was identified"
     " about it, which leaves less, also where it was not fitted, and is the formula's where no run tells."
 )
 FORMULA = (
-    "Beside what is named, densities with a formula and free skew and tails describe these runs as well as the"
-    " identified one that told it. The model has those: they know where no run tells."
+    "Densities with a formula describe these runs as well as the identified one that was searched on: with skew and"
+    " tails, with fields that depend on one another, or of two kinds of domains. The model has those: they know where"
+    " no run tells."
 )
 _LOAD = (
     "A load that does not yield in proportion, such as a contact that is lost, bends the displacement as the curve of a"
