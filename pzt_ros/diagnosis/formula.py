@@ -51,6 +51,8 @@ def formula_again(found: Hypothesis, declared: Hypothesis, workers: Workers = IN
         return found
     if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Polycrystal):
         return found
+    if not ceramic.model.has_formula:
+        return found
     if found.staged.has_past or any(run.wander for run in found.staged.runs):
         return found
     with suppress(BenchError):

@@ -73,8 +73,14 @@ def _read_further(
     found: Hypothesis, declared: DeclaredHysteresis, beside: tuple[str, ...], workers: Workers
 ) -> list[_Formula]:
     """What may be free beside what is, as the lattice tells its numbers, the nearest first."""
+    lattice, like = found.staged.ceramic.link(found.vector), declared.model
+    assert isinstance(lattice, IdentifiedLattice)
+    assert isinstance(like, Polycrystal)
+    thickness, _, (low, high) = driven(found)
+    within = low / thickness, high / thickness
     further = [(*beside, *more) for more in _FORMULAS if not set(more) <= set(beside)]
-    return sorted(workers.map(_read, repeat(found), repeat(declared), further), key=lambda formula: formula.off)
+    read = workers.map(_read, repeat(lattice), repeat(within), repeat(like), further)
+    return sorted(read, key=lambda formula: formula.off)
 
 
 def _likeliest(
@@ -87,14 +93,11 @@ def _likeliest(
     return exact(there) if max(there.ratios) <= _NEAR else there, formula
 
 
-def _read(found: Hypothesis, declared: DeclaredHysteresis, fields: tuple[str, ...]) -> _Formula:
-    lattice, like = found.staged.ceramic.link(found.vector), declared.model
-    assert isinstance(lattice, IdentifiedLattice)
-    assert isinstance(like, Polycrystal)
-    thickness, _, (low, high) = driven(found)
-    fields_driven = low / thickness, high / thickness
-    shares, off = read_off(lattice, fields_driven, like, fields)
-    return _Formula(fields, {**shares, **kinetics_of(lattice, fields_driven, like, shares)}, off)
+def _read(
+    lattice: IdentifiedLattice, within: tuple[float, float], like: Polycrystal, fields: tuple[str, ...]
+) -> _Formula:
+    shares, off = read_off(lattice, within, like, fields)
+    return _Formula(fields, {**shares, **kinetics_of(lattice, within, like, shares)}, off)
 
 
 def _fitted(found: Hypothesis, declared: DeclaredHysteresis, formula: _Formula) -> Hypothesis:

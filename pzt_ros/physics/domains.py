@@ -124,6 +124,11 @@ class Domains(Switching):
         return (first, Kind(self.second_share, coercive, Gaussian(0.0, self.second_interaction_field_spread)))
 
     @property
+    def has_formula(self) -> bool:
+        """Whether its densities are those of a formula, none of them a table."""
+        return not (self.coercive_density or self.interaction_density or self.threshold_density)
+
+    @property
     def is_product(self) -> bool:
         """Whether one density of each field, independent of the other, says all."""
         return self.threshold_density is None and len(self.kinds) == 1 and not self.interaction_field_growth

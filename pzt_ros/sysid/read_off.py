@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.domains import Domains
 from pzt_ros.physics.identified_hats import gathered, hat_sums, hats_of, relay_thresholds, spread_out
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
@@ -29,6 +30,7 @@ BELLS = ("coercive_field", "coercive_field_spread", "interaction_field_spread")
 
 _LINES = 160  # of thresholds, over a whole grid, at which a formula's density is taken
 _LEAST = 1e-3  # of the upper bound, for what moves by its logarithm
+_SCALE = 0.3  # of a logarithm, or of a shape
 _EVALUATIONS = 60  # at most, each with its differences
 _FIELDS, _NARROWER = ((1.6, 0.7), (2.0, 1.0), (0.5, 1.0), (2.0, 0.5)), 0.5
 """Where a second kind is sought from: its field and the first's, and all spreads, over those of one kind alone."""
@@ -59,6 +61,9 @@ def read_off(
         driven: lowest and highest field of the runs [V/m].
         like: whose numbers these are, and where they are sought from.
         fields: that are free besides those of every formula.
+
+    Raises:
+        BenchError: the lattice tells of nothing that switches between two of its lines within that.
     """
     told = _Told(lattice, driven)
     bells = told.fitted(like, BELLS)[0]
@@ -79,12 +84,17 @@ class _Told:
 
     def __init__(self, lattice: IdentifiedLattice, driven: tuple[float, float]) -> None:
         self.grid = np.asarray(lattice.grid)
-        self.low, self.high = driven
+        self.span, self.farthest = driven[1] - driven[0], max(map(abs, driven))
         up, down = np.tril_indices(self.grid.size)
         inside = (self.grid >= driven[0]) & (self.grid <= driven[1])
         self.chosen: NDArray[np.bool_] = inside[up] & inside[down] & (up > down)
         self.everett_of_lattice = self.everett(self._smoothed(np.asarray(lattice.weights)))
-        self.target = self.everett_of_lattice / self.everett_of_lattice.max()
+        largest = np.max(self.everett_of_lattice, initial=0.0)
+        if not largest > 0.0:
+            raise BenchError(
+                f"nothing of the density switches between {driven[0]:.3g} and {driven[1]:.3g} V/m; drive it farther"
+            )
+        self.target = self.everett_of_lattice / largest
 
     def _smoothed(self, weights: Array) -> Array:
         """What hats weigh of the lattice's density, as they do of a formula's: no more is seen of either."""
@@ -102,8 +112,8 @@ class _Told:
         return table[np.tril_indices(size)][self.chosen]
 
     def most(self, field: str) -> float:
-        """What is larger no run tells: the highest field, and a spread as wide as what was driven [SI]."""
-        return 2.0 * (self.high - self.low) ** 2 if field.endswith("spread") else self.high
+        """What is larger no run tells: the farthest field, and a spread as wide as what was driven [SI]."""
+        return 2.0 * self.span**2 if field.endswith("spread") else self.farthest
 
     def fitted(self, like: Domains, fields: Sequence[str]) -> tuple[dict[str, float], float]:
         """Values of some fields, and the rms of what they leave, from where they are."""
@@ -127,9 +137,6 @@ class _Told:
         begin = np.clip([to(v) for to, v in zip(scaled, start, strict=True)], lower, upper)
         found = least_squares(left, begin, bounds=(lower, upper), x_scale=_SCALE, max_nfev=_EVALUATIONS)
         return values(np.clip(found.x, lower, upper)), float(np.sqrt(np.mean(np.square(found.fun))))
-
-
-_SCALE = 0.3  # of a logarithm, or of a shape
 
 
 def kinetics_of(

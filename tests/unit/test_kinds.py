@@ -107,7 +107,9 @@ def test_everett_function_of_fields_that_depend_on_one_another() -> None:
 def test_a_table_may_be_wider_for_harder_domains_too() -> None:
     fields = np.linspace(-2e6, 2e6, 401)
     table = Table(tuple(fields), tuple(Gaussian(0.0, 5e11).at(fields)))
-    assert distance(Front(interaction_density=table, **GROWING), Front(**GROWING)) < 1e-3
+    tabled = Front(interaction_density=table, **GROWING)
+    assert distance(tabled, Front(**GROWING)) < 1e-3
+    assert (tabled.has_formula, Front(**GROWING).has_formula) == (False, True)
 
 
 @pytest.mark.parametrize("shape", [(0.5, 0.3), (-0.6, -0.5), (1.2, 1.5), (0.3, -0.9), (-0.9, 2.0)])

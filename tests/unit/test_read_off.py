@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.identified_hats import hat_sums, hats_of, nodes_of
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.kinds import Kind
@@ -82,3 +83,15 @@ def test_kinetics_are_those_of_the_lattice_whatever_its_scale() -> None:
             np.linspace(1e4, 1.69e6, 169), np.linspace(-1.69e6, 1.69e6, 338), 1e4
         ).sum()  # fmt: skip
         assert reversible / switched == pytest.approx(1e-8 * inside / size, rel=0.1)
+
+
+def test_a_drive_to_the_other_side_is_no_other_matter() -> None:
+    mirrored = lattice_of(formula(**GROWING))
+    values, off = read_off(mirrored, (-1.5e6, 0.4e6), LIKE, (GROWTH,))
+    assert off < 1e-3
+    assert values["coercive_field"] == pytest.approx(GROWING["coercive_field"], rel=0.15)
+
+
+def test_a_lattice_that_tells_nothing_is_said_to() -> None:
+    with pytest.raises(BenchError, match="nothing of the density switches"):
+        read_off(lattice_of(formula(**GROWING)), (0.0, 1e5), LIKE, (GROWTH,))
