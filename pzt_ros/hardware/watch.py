@@ -134,7 +134,9 @@ class Watch:
         if differences.max() <= limit:  # and so is the median, which takes twenty times as long
             return
         difference = float(np.median(differences))
-        if not difference <= limit:
+        if not math.isfinite(difference):  # the observer may say so before the sensor does
+            self.amplifier.trip(machine.SENSOR_NOT_FINITE, "a reading, or what was expected, is not a finite number")
+        elif not difference <= limit:
             self.amplifier.trip(
                 machine.DISCREPANCY,
                 f"sensor and observer differ by {1e6 * difference:.3f} um, limit {1e6 * limit:.3f} um",

@@ -156,12 +156,14 @@ def test_sensor_and_observer_disagree() -> None:
     assert (run.guard.state, run.guard.reason) == (FAULT, "sensor and observer differ by 1.500 um, limit 1.000 um")
 
 
-def test_an_observer_that_has_lost_its_numbers_is_a_disagreement() -> None:
+def test_an_observer_that_has_lost_its_numbers_is_no_disagreement_of_so_many_micrometres() -> None:
+    """It may say before the sensor does that a reading is none; "differ by nan um" was told at the bench then."""
     run = Run()
     innovation = np.full(SIZE, 1e-7)
     innovation[3] = math.nan
     run.watch.estimated(0.0, innovation)
-    assert run.guard.state == FAULT
+    expected = "a reading, or what was expected, is not a finite number"
+    assert (run.guard.state, run.guard.reason) == (FAULT, expected)
 
 
 def test_what_is_said_of_a_run_before_does_not_count() -> None:
