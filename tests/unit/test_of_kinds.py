@@ -15,10 +15,10 @@ from pzt_ros.diagnosis.data import split
 from pzt_ros.diagnosis.flexible import fit_flexible
 from pzt_ros.diagnosis.floor import with_floors
 from pzt_ros.diagnosis.formula import formula_again
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
+from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.of_kinds import of_kinds
 from pzt_ros.diagnosis.outcome import model_of
-from pzt_ros.diagnosis.shaped import is_shaped, lopsided, shaped
+from pzt_ros.diagnosis.shaped import is_shaped
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.records import Record
@@ -50,11 +50,9 @@ def left(found: Hypothesis, case: Case) -> float:
         pytest.param("correlated", 42, "interaction_field_growth", "correlation", marks=pytest.mark.long),
     ],
 )
-def test_a_formula_is_found_that_no_shapes_come_near(
-    family: str, seed: int, field: str, truth: str, tmp_path: Any
-) -> None:
+def test_a_formula_is_found_that_begins_far_off(family: str, seed: int, field: str, truth: str, tmp_path: Any) -> None:
     case, base, lattice = bases(family, seed, tmp_path)
-    assert max(exact(lopsided(shaped(base))).ratios) > 2.0
+    assert max(base.ratios) > 5.0
     found = formula_again(lattice, base)
     link = found.staged.ceramic.link(found.vector)
     assert isinstance(link, Lattice)
