@@ -340,5 +340,6 @@ def _not_too_narrow(link: Lattice, most: float) -> Lattice:
     widening = min(link.domains / most, needless)
     if widening <= 1.0 or spread[narrowest] == 0.0:
         return link
-    widened: dict[str, Any] = {field: max(spread[field], spread[narrowest] * widening**2) for field in spread}
+    least = spread[narrowest] * widening**2
+    widened: dict[str, Any] = {field: least for field, known in spread.items() if known < least}
     return dataclasses.replace(link, **widened)

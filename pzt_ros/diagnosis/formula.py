@@ -16,14 +16,13 @@ from contextlib import suppress
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.flexible import fit_about
 from pzt_ros.diagnosis.flexible_lattice import FlexibleHysteresis
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
+from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.of_kinds import of_kinds
 from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import IN_THIS_PROCESS, Workers
 from pzt_ros.physics.polycrystal import Polycrystal
 
-_PLAINER = 1.05  # what a formula may leave, as a multiple of what a density without one does: it has far fewer numbers
 _REMEMBERS = 0.8
 """Share of the samples that tell something new from which what is left of them is the noise's: of right densities 1.0,
 of shapes that stood for heavy tails 0.2 to 0.5. The noise's size says less: a hum has it estimated too large."""
@@ -38,12 +37,15 @@ def is_formula_off(found: Hypothesis, asked: Thresholds) -> bool:
     return any(part.effective < _REMEMBERS * part.samples for part in (found.fit, found.selection))
 
 
-def formula_again(found: Hypothesis, declared: Hypothesis, workers: Workers = IN_THIS_PROCESS) -> Hypothesis:
-    """Beside its effects, densities with a formula in place of a lattice, where those leave no more.
+def formula_again(
+    found: Hypothesis, declared: Hypothesis, asked: Thresholds, workers: Workers = IN_THIS_PROCESS
+) -> Hypothesis:
+    """Beside its effects, densities with a formula in place of a lattice, where those leave hardly more.
 
     Args:
         found: on an identified lattice, or another base, which stays.
         declared: the base whose densities these are, fitted without an effect; they begin as the lattice tells them.
+        asked: how much more they may leave, with far fewer numbers.
         workers: fit formulas side by side.
     """
     lattice, ceramic = found.staged.ceramic, declared.staged.ceramic
@@ -56,8 +58,8 @@ def formula_again(found: Hypothesis, declared: Hypothesis, workers: Workers = IN
     if found.staged.has_past or any(run.wander for run in found.staged.runs):
         return found
     with suppress(BenchError):
-        other = exact(of_kinds(found, ceramic, workers))
-        if other.total <= _PLAINER * found.total:
+        other = of_kinds(found, ceramic, workers)
+        if other.total <= asked.plainer * found.total:
             return other
     return found
 

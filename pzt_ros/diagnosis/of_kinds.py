@@ -32,7 +32,6 @@ _CLEAN = 1.02  # rms over noise of every run up to which no further formula is a
 _COMES_DOWN = 0.95  # what has to be left of the misfit for one more
 _NEARER = 0.6  # how much nearer to the lattice one more has to come
 _AS_NEAR = 2.0  # times as far from the lattice as the nearest that a formula may be to be fitted to the runs
-_NEAR = 1.5  # rms over noise of every run up to which the front model may be what is off
 
 
 class _Formula(NamedTuple):
@@ -90,7 +89,7 @@ def _likeliest(
     likely = [each for each in read if each.off <= _AS_NEAR * read[0].off]
     tried = workers.map(_fitted, repeat(found), repeat(declared), likely)
     there, formula = min(zip(tried, likely, strict=True), key=lambda each: each[0].total)
-    return exact(there) if max(there.ratios) <= _NEAR else there, formula
+    return exact(there), formula
 
 
 def _read(

@@ -109,7 +109,7 @@ def _fitted_last(
     anew: bool,
 ) -> Reached:
     """The ends of a branch, with every name that it found."""
-    final = formula_again(chosen.final, declared, workers) if anew else chosen.final
+    final = formula_again(chosen.final, declared, asked, workers) if anew else chosen.final
     ends = [final] if chosen.final is chosen.base else [chosen.base, final]
     fits = list(workers.map(last_fit, ends, repeat(runs), repeat(asked), repeat(anew)))
     baseline, model = model_of(fits[0], "baseline", command), model_of(fits[-1], "model", command)

@@ -75,7 +75,7 @@ class Thresholds:
             beside.
         lopsided_less: share of what a bias field leaves that interaction fields which prefer a direction may leave.
         lopsided_outdone: share of what a polycrystal leaves that nobody declared that these may leave to be the base.
-        plainer: what the declared base may leave, as a multiple of what another leaves, to be preferred.
+        plainer: what the declared base, or a formula, may leave, as a multiple of what another leaves, to be preferred.
         tie: share of the winner's gain from which another effect is as good.
         alike_tie: the same for two that are known to be hard to tell apart, where more than the noise is left: what the
             base lacks beside them may tip the scales.

@@ -10,9 +10,8 @@ import numpy as np
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, fitted, total_of
 from pzt_ros.physics.polycrystal import Polycrystal
-from pzt_ros.sysid.parameters import GROWTH, LOPSIDED, SECOND, SHAPES
+from pzt_ros.sysid.parameters import BEYOND_GAUSSIANS, LOPSIDED, SHAPES
 
-_ALL = (*SHAPES, LOPSIDED, GROWTH, *SECOND)
 _STEPS = 40
 _NEAR = 1.1  # rms over noise where it was fitted, from which shapes are sought from elsewhere, too
 _CLEAN = 1.05  # rms over noise of every run up to which nothing is asked
@@ -73,4 +72,5 @@ def far_better_shaped(found: Hypothesis) -> Hypothesis:
 def is_shaped(found: Hypothesis) -> bool:
     """Whether shapes of its densities are free."""
     ceramic = found.staged.ceramic
-    return isinstance(ceramic, DeclaredHysteresis) and any(each.field in _ALL for each in ceramic.coordinates)
+    free = ceramic.coordinates if isinstance(ceramic, DeclaredHysteresis) else ()
+    return any(each.field in BEYOND_GAUSSIANS for each in free)

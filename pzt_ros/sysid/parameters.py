@@ -33,6 +33,9 @@ SECOND = (
 )
 """The same of domains of a second kind."""
 
+BEYOND_GAUSSIANS = (*SHAPES, LOPSIDED, GROWTH, *SECOND)
+"""All of these."""
+
 NUMERICAL = ("accuracy", "spacing", "cut", "dead_band")
 """Settings of a method, not properties of a specimen; a fit leaves them alone, as it does the counts of nodes."""
 
@@ -122,11 +125,8 @@ def free_parameters(chain: Chain) -> list[FreeParameter]:
     known = {parameter.name: parameter for parameter in fittable(chain)}
     names = chain.notes.get("free")
     if names is None:
-        return [
-            parameter
-            for parameter in known.values()
-            if parameter.field not in (*GIVEN, *SHAPES, LOPSIDED, GROWTH, *SECOND)
-        ]
+        held = (*GIVEN, *BEYOND_GAUSSIANS)
+        return [parameter for parameter in known.values() if parameter.field not in held]
     if not isinstance(names, list) or not names:
         raise BenchError(f"{chain.name}: free: {names!r} is not a list of parameters; known are {', '.join(known)}")
     for name in names:

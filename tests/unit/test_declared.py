@@ -17,6 +17,7 @@ from pzt_ros.diagnosis.declared import DeclaredHysteresis, _Exact
 from pzt_ros.diagnosis.hypothesis import fitted
 from pzt_ros.diagnosis.staged import Staged
 from pzt_ros.errors import BenchError
+from pzt_ros.physics.density import Table
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.signals import Array, Rest, Signals
 from pzt_ros.physics.surrogate import surrogate_of
@@ -75,6 +76,17 @@ def test_a_narrow_spread_beside_a_wide_one_does_not_take_millions_of_domains() -
     resolved = dataclasses.replace(wide, interaction_field_spread=2.0 * (0.05 * wide.thermal_width) ** 2)
     expected = polarization(resolved)
     assert np.max(np.abs(polarization(link) - expected)) < 2e-3 * np.ptp(expected)
+
+
+def test_a_table_beside_a_narrow_spread_stays_a_table() -> None:
+    """It has no spread that could be widened: that of the Gaussian in its place says nothing."""
+    fields = np.linspace(0.0, 2e6, 41)
+    table = Table(tuple(fields), tuple(np.exp(-(((fields - 6e5) / 4e5) ** 2))))
+    wide = dataclasses.replace(lattice(), coercive_density=table, interaction_field_spread=200.0)
+    link = declared._affordable(wide, declared._MOST_DOMAINS)
+    assert isinstance(link, Lattice)
+    assert (link.coercive_density, link.coercive_field_spread) == (table, wide.coercive_field_spread)
+    assert link.interaction_field_spread > wide.interaction_field_spread
 
 
 def test_domains_are_no_more_than_can_be_waited_for() -> None:

@@ -111,10 +111,10 @@ def test_a_formula_stays_aside_where_it_leaves_more_or_there_is_none(
     bent: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _, _, base, lattice = bent
-    assert formula_again(base, base) is base  # it is one
-    assert formula_again(lattice, lattice) is lattice  # nothing with a formula is known
+    assert formula_again(base, base, Thresholds()) is base  # it is one
+    assert formula_again(lattice, lattice, Thresholds()) is lattice  # nothing with a formula is known
     monkeypatch.setattr(formula, "of_kinds", lambda *_: base)  # without the drift
-    assert formula_again(lattice, base) is lattice
+    assert formula_again(lattice, base, Thresholds()) is lattice
 
 
 def test_a_null_needs_no_effect_beside_the_density(tmp_path: Any) -> None:

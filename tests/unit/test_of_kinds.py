@@ -18,6 +18,7 @@ from pzt_ros.diagnosis.formula import formula_again
 from pzt_ros.diagnosis.hypothesis import Hypothesis
 from pzt_ros.diagnosis.of_kinds import of_kinds
 from pzt_ros.diagnosis.outcome import model_of
+from pzt_ros.diagnosis.settings import Thresholds
 from pzt_ros.diagnosis.shaped import is_shaped
 from pzt_ros.physics.identified_lattice import IdentifiedLattice
 from pzt_ros.physics.lattice import Lattice
@@ -53,7 +54,7 @@ def left(found: Hypothesis, case: Case) -> float:
 def test_a_formula_is_found_that_begins_far_off(family: str, seed: int, field: str, truth: str, tmp_path: Any) -> None:
     case, base, lattice = bases(family, seed, tmp_path)
     assert max(base.ratios) > 5.0
-    found = formula_again(lattice, base)
+    found = formula_again(lattice, base, Thresholds())
     link = found.staged.ceramic.link(found.vector)
     assert isinstance(link, Lattice)
     assert is_shaped(found)
@@ -73,4 +74,4 @@ def test_where_no_formula_comes_near_the_lattice_stays(tmp_path: Any) -> None:
     near = of_kinds(lattice, base.staged.ceramic)  # type: ignore[arg-type]
     assert np.isfinite(near.total)
     assert near.total < base.total
-    assert formula_again(lattice, base) is lattice
+    assert formula_again(lattice, base, Thresholds()) is lattice
