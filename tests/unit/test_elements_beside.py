@@ -39,7 +39,10 @@ def elements_of(family: str, name: str, seed: int, folder: Path) -> Hypothesis:
     return fit_bouc_wen(declared_of(spec, folder), quiet)
 
 
-@pytest.mark.parametrize(("name", "seed"), [("thermal_drift", 4), ("sensor_nonlinearity", 5), ("bias_field", 6)])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("thermal_drift", 4), pytest.param("sensor_nonlinearity", 5, marks=pytest.mark.long), ("bias_field", 6)],
+)
 def test_elements_fitted_anew_beside_an_effect_leave_the_noise(name: str, seed: int, tmp_path: Path) -> None:
     """A refit from where they had bent to leaves 2.9 to 3.9 x."""
     base = elements_of("maxwell_slip", name, seed, tmp_path)

@@ -116,9 +116,8 @@ def test_what_has_no_widths_is_left_as_it_is() -> None:
     assert from_elsewhere(plain, Thresholds()) is plain
 
 
-@pytest.mark.parametrize(
-    ("family", "seed"), [pytest.param("play_sum", 4, marks=pytest.mark.long), ("wedge_preisach", 3)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("family", "seed"), [("play_sum", 4), ("wedge_preisach", 3)])
 def test_relays_that_have_bent_for_it_find_a_hysteresis_of_the_strain(family: str, seed: int, tmp_path: Path) -> None:
     """Of court stages with one of 10 x, from where a screen begins 2.0 and 2.3 x the noise were left."""
     relays = fit_rate_independent(

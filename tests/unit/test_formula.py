@@ -96,6 +96,7 @@ def bent(tmp_path_factory: pytest.TempPathFactory) -> tuple[Case, list[RunData],
     return case, runs, base, fit_flexible(Search().with_effects(base, ["thermal_drift"]), lambda text: None)
 
 
+@pytest.mark.long
 def test_a_formula_that_an_effect_had_bent_is_taken_again_beside_it(bent: Any) -> None:
     """The lattice leaves little, but where no run told."""
     case, runs, base, lattice = bent

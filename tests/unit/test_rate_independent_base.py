@@ -61,7 +61,7 @@ def test_stronger_priors_leave_the_weaker_one_as_it_was() -> None:
     ("spec", "names", "link", "density"),
     [
         (NULL, [], Preisach, "identified"),
-        (dataclasses.replace(NULL, declared=False), [], Preisach, "identified"),
+        pytest.param(dataclasses.replace(NULL, declared=False), [], Preisach, "identified", marks=pytest.mark.long),
         pytest.param(
             dataclasses.replace(HUM, declared=False), ["mains_hum"], Preisach, "identified", marks=pytest.mark.long
         ),

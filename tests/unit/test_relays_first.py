@@ -81,6 +81,7 @@ def found() -> Report:
     return diagnose([run(1), run(2)], [run(3)], workers=IN_THIS_PROCESS)
 
 
+@pytest.mark.long
 def test_the_creep_is_named_beside_relays_and_nothing_is_left(found: Report) -> None:
     """Beside a polycrystal two such stages were "something is missing" after 300 s."""
     assert [effect.name for effect in found.effects] == ["slow_relaxation"]

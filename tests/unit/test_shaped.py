@@ -78,7 +78,7 @@ def test_a_density_that_is_no_gaussian_is_no_effect(declared: Chain | None) -> N
     assert report.model.links[0].coercive_field_skew > 0.1  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(("skew", "scale"), [(1.5, 4e5), (3.0, 5e5)])
+@pytest.mark.parametrize(("skew", "scale"), [(1.5, 4e5), pytest.param(3.0, 5e5, marks=pytest.mark.long)])
 def test_interaction_fields_that_prefer_a_direction_are_no_effect(skew: float, scale: float) -> None:
     """Beside Gaussians a curve of the sensor and a bias field explain nearly all that a little of it leaves."""
     report = diagnose(*runs_of(lopsided(skew, scale)), declared_as(Lattice), workers=IN_THIS_PROCESS)

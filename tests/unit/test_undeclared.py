@@ -35,7 +35,7 @@ HUM = MainsHum(frequency=50.0, sine=3e-8)
 SWITCHES = Lattice(**FIELDS)
 
 
-@pytest.fixture(scope="module", params=["thesis-p1", "thesis-p2"])
+@pytest.fixture(scope="module", params=["thesis-p1", pytest.param("thesis-p2", marks=pytest.mark.long)])
 def stage(request: Any) -> Chain:
     """Two of the thesis' materials."""
     return load_chain(request.param)
