@@ -248,9 +248,8 @@ class Thresholds:
     def on_all_seen(self) -> Thresholds:
         """What is asked on a density that was fitted to what chose, too: nothing is left that decides between two."""
         return replace(
-            self.on_flexible(),
-            size=self.size,
-            selection_size=self.selection_size,
+            self.on_elements(),
+            hopeless=self.flexible_hopeless,
             share=self.share,
             tie=self.flexible_alike,
             decisive=math.inf,
