@@ -127,6 +127,7 @@ def _settle(state, fr, field, x, far, far_lead):  # type: ignore[no-untyped-def]
         if abs(low_miss) < abs(high_miss):
             _place(state, near, near_lead, field)
         return
+    side = 0.0  # on which the last trial fell
     for _ in range(60):
         share = low + (high - low) * low_miss / (low_miss - high_miss)
         _place(state, near + share * (far - near), near_lead + share * (far_lead - near_lead), field)
@@ -134,9 +135,13 @@ def _settle(state, fr, field, x, far, far_lead):  # type: ignore[no-untyped-def]
         if abs(miss) < _SAME:
             return
         if miss * low_miss > 0.0:
-            low, low_miss, high_miss = share, miss, 0.5 * high_miss
+            low, low_miss = share, miss
+            high_miss *= 0.5 if side < 0.0 else 1.0  # an end that stays twice holds the trials back
+            side = -1.0
         else:
-            high, high_miss, low_miss = share, miss, 0.5 * low_miss
+            high, high_miss = share, miss
+            low_miss *= 0.5 if side > 0.0 else 1.0
+            side = 1.0
 
 
 @inner
