@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from pzt_ros.diagnosis.coordinates import Coordinate, coordinate
 from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.errors import BenchError
+from pzt_ros.parallel import side_by_side
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.polycrystal import Polycrystal
@@ -25,6 +27,7 @@ from pzt_ros.sysid.run import Start, begun_ceramic
 from pzt_ros.sysid.thinning import thinned
 
 _STEP = 1e-3
+_AT_ONCE = 2  # columns of a tangent
 _FEWER = 0.25  # share of a run's samples that say the same of its drive, beyond which it turns at every few of them
 _REMEMBERED = 3  # evaluations
 _NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
@@ -244,16 +247,17 @@ class DeclaredHysteresis:
         time = self.records[number].time
         kept = np.arange(time.size) if _turns_often(self.records[number], voltage) else thinned(time, voltage)
         here = self._run(near, vector, number, voltage, kept)
-        for column, k in enumerate(of_run):
-            moved = vector.copy()
+
+        def differentiate(column: int) -> None:
+            k, moved = of_run[column], vector.copy()
             moved[k] += _STEP if vector[k] + _STEP <= self.upper[k] else -_STEP
-            try:
+            with suppress(BenchError):  # the link refuses this combination of values: taken as one that changes nothing
                 there = self._run(self._valued(near, moved), moved, number, voltage, kept)
-            except BenchError:  # the link refuses this combination of values: taken as one that changes nothing
-                continue
-            columns[:, column] = np.interp(time, time[kept], (there - here) / (moved[k] - vector[k]))
-            if known is not None:
-                columns[:, column] += known.bend[:, column]
+                columns[:, column] = np.interp(time, time[kept], (there - here) / (moved[k] - vector[k]))
+                if known is not None:
+                    columns[:, column] += known.bend[:, column]
+
+        side_by_side(differentiate, range(len(of_run)), _AT_ONCE)
         return columns
 
     def regularisation(self) -> tuple[Array, Array]:
