@@ -12,6 +12,7 @@ from pzt_ros.diagnosis.reach_of_pasts import unreached_beside
 from pzt_ros.diagnosis.settings import Thresholds
 
 _TRIED = 3  # effects beside which a ceramic may have been poled
+_FAR_BEHIND = 5.0  # times the excess that the best leaves, beyond which another is not what hides a past
 
 
 def past_instead(steps: Sequence[Step], asked: Thresholds) -> Hypothesis | None:
@@ -45,4 +46,7 @@ def _unreached_instead(candidates: Sequence[Candidate], asked: Thresholds) -> Hy
 
 
 def _likeliest(candidates: Sequence[Candidate]) -> list[Candidate]:
-    return sorted(candidates, key=lambda candidate: -candidate.fit_share)[:_TRIED]
+    """Those that explain most where they were fitted; not what is far behind, where one tells nearly all."""
+    least = min((each.after.excess for each in candidates), default=0.0)
+    near = [each for each in candidates if each.after.excess <= _FAR_BEHIND * least]
+    return sorted(near, key=lambda candidate: -candidate.fit_share)[:_TRIED]
