@@ -123,9 +123,12 @@ def _searched(bases: Bases, asked: Thresholds, progress: Progress, workers: Work
         return [_on_declared(declared, ()), densities.on_relays]
     if limit.is_over():
         return [_on_declared(declared, ()), *elements.searched, *densities.searched]
-    base = poled_instead(search.beside(declared), asked) if _may_hide_a_past(bases, elements, asked) else None
-    if base is not None:
-        return _begun_anew(bases._replace(declared=base, relays=None), search)
+    if _may_hide_a_past(bases, elements, asked):
+        found = search.beside(declared)
+        search = dataclasses.replace(search, known=(declared, found))
+        base = poled_instead(found, asked)
+        if base is not None:
+            return _begun_anew(bases._replace(declared=base, relays=None), search)
     sooner = _sooner(bases, elements, densities, search)
     if sooner or limit.is_over():
         return [_on_declared(declared, ()), *(sooner or (*elements.searched, *densities.searched))]

@@ -52,6 +52,7 @@ class Seeker(Judge):
             identify.
         hidden: names of effects that a base bends for until they promise nothing, which are refitted nevertheless.
         is_at_bottom: whether a refit comes down no more by polishing, as one on a density that is identified beside it.
+        known: what was refitted beside a base, from where it is: that is not done again.
     """
 
     effects: Sequence[Effect] = EFFECTS
@@ -64,6 +65,7 @@ class Seeker(Judge):
     identify: Callable[[Hypothesis], Hypothesis] | None = None
     hidden: frozenset[str] = frozenset()
     is_at_bottom: bool = False
+    known: tuple[Hypothesis, Sequence[Candidate]] | None = None
 
     def _from_anywhere(self, before: Hypothesis, most: float) -> tuple[tuple[Candidate, ...], dict[str, str]]:
         """The best refits of each effect, and why the rest was not refitted.
@@ -176,7 +178,8 @@ class Seeker(Judge):
         hidden = [p for p in prospects if p.effect.name in self.hidden and p.effect.reported not in causes]
         causes += [p.effect.reported for p in hidden]
         worth += [p for p in hidden if p not in worth]
-        found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes])
+        known = self.known[1] if self.known is not None and before is seen_from is self.known[0] else ()
+        found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes], known)
         for prospect in prospects:
             if prospect not in tried:
                 refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
@@ -185,15 +188,15 @@ class Seeker(Judge):
         return tuple(sorted(found, key=lambda c: c.after.total)), refused
 
     def _refitted_in_turn(
-        self, before: Hypothesis, worth: Sequence[Prospect]
+        self, before: Hypothesis, worth: Sequence[Prospect], known: Sequence[Candidate]
     ) -> tuple[list[Candidate], Sequence[Prospect]]:
         """Those that may be as good as the best refitted, the others only where none of those is enough; and which."""
         least = self.thresholds.promised * _promise(before, worth[0]) if worth else 0.0
         first = [prospect for prospect in worth if _promise(before, prospect) >= least]
-        found = self._refitted(before, first)
+        found = self._refitted(before, first, known)
         if len(first) == len(worth) or any(c.share >= self.thresholds.share for c in found) or self.limit.is_over():
             return found, first
-        return [*found, *self._refitted(before, worth[len(first) :])], worth
+        return [*found, *self._refitted(before, worth[len(first) :], known)], worth
 
     @property
     def _holds_back(self) -> bool:
@@ -210,10 +213,16 @@ class Seeker(Judge):
         missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
         return f"cannot be seen without {', '.join(missing)}" if missing else ""
 
-    def _refitted(self, before: Hypothesis, prospects: Sequence[Prospect]) -> list[Candidate]:
+    def _refitted(
+        self, before: Hypothesis, prospects: Sequence[Prospect], known: Sequence[Candidate] = ()
+    ) -> list[Candidate]:
+        names = [prospect.effect.name for prospect in prospects]
+        done = [each for each in known if each.name in names]
+        if done:
+            new = [prospect for prospect in prospects if prospect.effect.name not in {each.name for each in done}]
+            return [*done, *self._refitted(before, new)]
         if not prospects:
             return []
-        names = [prospect.effect.name for prospect in prospects]
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + before.beside)
         begun = refits(prospects, before.effects, self.workers)
         afters = self._from_the_best(before, prospects, begun)
