@@ -1,16 +1,17 @@
-"""A declared quadrature whose nodes are too few for what the runs show.
+"""The nodes of a quadrature: declared ones that are too few for what the runs show, and those that nobody declared.
 
 A specimen has no nodes. Those of the thesis are off by 0.7 % of x+, which is 18 x the noise of a good sensor, and an
 effect is sought beside that in vain. So the densities that a quadrature stands for are put on a lattice where that
-leaves less; what was simulated with the nodes keeps them.
+leaves less; what was simulated with the nodes keeps them, and gets them where nothing was declared.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 from pzt_ros.diagnosis.declared import DeclaredHysteresis
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact_here, fitted
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact_here, fitted, total_of
 from pzt_ros.physics.ferroelectric import Ferroelectric
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.link import Link
@@ -19,6 +20,11 @@ from pzt_ros.physics.quadrature import Quadrature
 from pzt_ros.physics.surrogate import in_place_of
 
 _NOTE = "nodes"
+_RULES = "thesis", "equal_probability"
+_FEW_STEPS, _STEPS = 2, 40  # of the fit, before and after they leave less
+_LESS = 0.75
+"""Share of the excess that nodes may leave which nobody declared: on stages simulated with them 0.0 to 0.6 after two
+steps, effects of 5 to 20 x beside them; on 22 others, of every family of the court, 0.97 and more."""
 
 
 def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:
@@ -27,7 +33,7 @@ def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:
     if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Quadrature):
         return found
     lattice = in_place_of(ceramic.model, Lattice, spacing=spacing, method=ceramic.model.method)
-    chain = staged.chain.with_links(lambda link: _in_place(link, lattice))
+    chain = staged.chain.with_links(partial(_in_place, ceramic=lattice))
     notes = {**chain.notes, _NOTE: "too few"}
     fine = dataclasses.replace(
         staged, chain=dataclasses.replace(chain, notes=notes), ceramic=ceramic.with_polycrystal(lattice)
@@ -36,10 +42,30 @@ def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:
     return other if exact_here(other).total < exact_here(found).total else found
 
 
+def with_nodes(found: Hypothesis) -> Hypothesis:
+    """The hypothesis on nodes as the thesis has them, where these leave less than a lattice of the same densities.
+
+    Of a stage simulated with them, and nothing else, that left 13 x the noise.
+    """
+    staged, ceramic = found.staged, found.staged.ceramic
+    if not isinstance(ceramic, DeclaredHysteresis) or not isinstance(ceramic.model, Lattice):
+        return found
+    tried = []
+    for rule in _RULES:
+        nodes = in_place_of(ceramic.model, Quadrature, method=ceramic.model.method, rule=rule)
+        chain = staged.chain.with_links(partial(_in_place, ceramic=nodes))
+        grainy = dataclasses.replace(staged, chain=chain, ceramic=ceramic.with_polycrystal(nodes).with_model(nodes))
+        tried.append(fitted(grainy, found.vector, found.effects, _FEW_STEPS))
+    best = min(tried, key=total_of)
+    if best.excess > _LESS * found.excess:
+        return found
+    return fitted(best.staged, best.vector, best.effects, _STEPS)
+
+
 def was_grainy(found: Hypothesis) -> bool:
     """Whether its lattice stands for a quadrature that was declared."""
     return _NOTE in found.staged.chain.notes
 
 
-def _in_place(link: Link, lattice: Polycrystal) -> Link:
-    return lattice if isinstance(link, Ferroelectric) else link
+def _in_place(link: Link, ceramic: Polycrystal) -> Link:
+    return ceramic if isinstance(link, Ferroelectric) else link

@@ -20,6 +20,7 @@ from pzt_ros.diagnosis.base import begun, fit_declared, with_pasts
 from pzt_ros.diagnosis.data import RunData, highest_voltage
 from pzt_ros.diagnosis.flexible import fit_rate_independent, tells_all
 from pzt_ros.diagnosis.from_rest import as_poled
+from pzt_ros.diagnosis.grain import with_nodes
 from pzt_ros.diagnosis.histories import with_histories_of
 from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
 from pzt_ros.diagnosis.lopsided import lopsided_undeclared
@@ -103,6 +104,8 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     progress("fitting a polycrystal")
     virgin = plain = begun(chain, runs)
     found = where_no_past_reaches(virgin, as_poled(virgin, is_declared=False), workers)
+    if max(found.ratios) > asked.floor:
+        found = with_nodes(found)
     if max(found.ratios) > asked.floor:
         found = lopsided_undeclared(shaped(found), virgin, asked, progress, workers)
     if asked.floor < max(found.ratios) <= asked.near_floor:
