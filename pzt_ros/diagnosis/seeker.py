@@ -193,10 +193,10 @@ class Seeker(Judge):
         """Those that may be as good as the best refitted, the others only where none of those is enough; and which."""
         least = self.thresholds.promised * _promise(before, worth[0]) if worth else 0.0
         first = [prospect for prospect in worth if _promise(before, prospect) >= least]
-        found = self._refitted(before, first, known)
+        found = self._known_or_refitted(before, first, known)
         if len(first) == len(worth) or any(c.share >= self.thresholds.share for c in found) or self.limit.is_over():
             return found, first
-        return [*found, *self._refitted(before, worth[len(first) :], known)], worth
+        return [*found, *self._known_or_refitted(before, worth[len(first) :], known)], worth
 
     @property
     def _holds_back(self) -> bool:
@@ -213,16 +213,18 @@ class Seeker(Judge):
         missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
         return f"cannot be seen without {', '.join(missing)}" if missing else ""
 
-    def _refitted(
-        self, before: Hypothesis, prospects: Sequence[Prospect], known: Sequence[Candidate] = ()
+    def _known_or_refitted(
+        self, before: Hypothesis, prospects: Sequence[Prospect], known: Sequence[Candidate]
     ) -> list[Candidate]:
-        names = [prospect.effect.name for prospect in prospects]
-        done = [each for each in known if each.name in names]
-        if done:
-            new = [prospect for prospect in prospects if prospect.effect.name not in {each.name for each in done}]
-            return [*done, *self._refitted(before, new)]
+        done = {each.name: each for each in known}
+        new = [prospect for prospect in prospects if prospect.effect.name not in done]
+        found = [done[prospect.effect.name] for prospect in prospects if prospect.effect.name in done]
+        return [*found, *self._refitted(before, new)]
+
+    def _refitted(self, before: Hypothesis, prospects: Sequence[Prospect]) -> list[Candidate]:
         if not prospects:
             return []
+        names = [prospect.effect.name for prospect in prospects]
         self.progress(f"refitting with {', '.join(dict.fromkeys(names))}" + before.beside)
         begun = refits(prospects, before.effects, self.workers)
         afters = self._from_the_best(before, prospects, begun)
