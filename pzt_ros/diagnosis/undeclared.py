@@ -22,7 +22,7 @@ from pzt_ros.diagnosis.flexible import fit_rate_independent, tells_all
 from pzt_ros.diagnosis.from_rest import as_poled
 from pzt_ros.diagnosis.grain import with_nodes
 from pzt_ros.diagnosis.histories import with_histories_of
-from pzt_ros.diagnosis.hypothesis import Hypothesis, exact
+from pzt_ros.diagnosis.hypothesis import Hypothesis, exact, total_of
 from pzt_ros.diagnosis.lopsided import lopsided_undeclared
 from pzt_ros.diagnosis.prior_drive import UNKNOWN, with_best_amplitude
 from pzt_ros.diagnosis.reach_of_pasts import told_beyond_pasts, where_no_past_reaches
@@ -104,10 +104,10 @@ def fit_undeclared(runs: Sequence[RunData], asked: Thresholds, progress: Progres
     progress("fitting a polycrystal")
     virgin = plain = begun(chain, runs)
     found = where_no_past_reaches(virgin, as_poled(virgin, is_declared=False), workers)
-    if max(found.ratios) > asked.floor:
-        found = with_nodes(found)
-    if max(found.ratios) > asked.floor:
+    nodes = with_nodes(found) if max(found.ratios) > asked.floor else found
+    if max(nodes.ratios) > asked.floor:
         found = lopsided_undeclared(shaped(found), virgin, asked, progress, workers)
+    found = min(nodes, found, key=total_of)
     if asked.floor < max(found.ratios) <= asked.near_floor:
         found = exact(found)  # it may be no more than what the front model is off by
     if max(found.ratios) <= asked.floor:
