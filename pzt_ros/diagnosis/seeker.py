@@ -178,8 +178,10 @@ class Seeker(Judge):
         hidden = [p for p in prospects if p.effect.name in self.hidden and p.effect.reported not in causes]
         causes += [p.effect.reported for p in hidden]
         worth += [p for p in hidden if p not in worth]
-        known = self.known[1] if self.known is not None and before is seen_from is self.known[0] else ()
-        found, tried = self._refitted_in_turn(before, [p for p in worth if p.effect.reported in causes], known)
+        asked_of = [p for p in worth if p.effect.reported in causes]
+        done = self._done(before, seen_from, asked_of)
+        found, tried = self._refitted_in_turn(before, [p for p in asked_of if p.effect.name not in done])
+        found, tried = [*found, *done.values()], [*tried, *(p for p in asked_of if p.effect.name in done)]
         for prospect in prospects:
             if prospect not in tried:
                 refused[prospect.effect.name] = f"promises {_promise(before, prospect):.0%} of the excess, " + (
@@ -187,16 +189,23 @@ class Seeker(Judge):
                 )
         return tuple(sorted(found, key=lambda c: c.after.total)), refused
 
+    def _done(self, before: Hypothesis, seen_from: Hypothesis, asked: Sequence[Prospect]) -> dict[str, Candidate]:
+        """Those that were refitted beside this base, from where it is, by name."""
+        if self.known is None or not (before is seen_from is self.known[0]):
+            return {}
+        names = {prospect.effect.name for prospect in asked}
+        return {each.name: each for each in self.known[1] if each.name in names}
+
     def _refitted_in_turn(
-        self, before: Hypothesis, worth: Sequence[Prospect], known: Sequence[Candidate]
+        self, before: Hypothesis, worth: Sequence[Prospect]
     ) -> tuple[list[Candidate], Sequence[Prospect]]:
         """Those that may be as good as the best refitted, the others only where none of those is enough; and which."""
         least = self.thresholds.promised * _promise(before, worth[0]) if worth else 0.0
         first = [prospect for prospect in worth if _promise(before, prospect) >= least]
-        found = self._known_or_refitted(before, first, known)
+        found = self._refitted(before, first)
         if len(first) == len(worth) or any(c.share >= self.thresholds.share for c in found) or self.limit.is_over():
             return found, first
-        return [*found, *self._known_or_refitted(before, worth[len(first) :], known)], worth
+        return [*found, *self._refitted(before, worth[len(first) :])], worth
 
     @property
     def _holds_back(self) -> bool:
@@ -212,14 +221,6 @@ class Seeker(Judge):
             return "is in the model"
         missing = [column for column in effect.needs if any(column not in r.record.columns for r in before.staged.runs)]
         return f"cannot be seen without {', '.join(missing)}" if missing else ""
-
-    def _known_or_refitted(
-        self, before: Hypothesis, prospects: Sequence[Prospect], known: Sequence[Candidate]
-    ) -> list[Candidate]:
-        done = {each.name: each for each in known}
-        new = [prospect for prospect in prospects if prospect.effect.name not in done]
-        found = [done[prospect.effect.name] for prospect in prospects if prospect.effect.name in done]
-        return [*found, *self._refitted(before, new)]
 
     def _refitted(self, before: Hypothesis, prospects: Sequence[Prospect]) -> list[Candidate]:
         if not prospects:
