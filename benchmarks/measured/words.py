@@ -35,8 +35,9 @@ diagnose`, whose answer is as it was before that day's changes,
 and after those of three sessions in the evening; by the table made then, on another machine, no name and 1463 nm, where
 the same diagnosis in one thread said as before: that fit stands at a fork. Three tables on 2026-11-30: 387 nm, and
 twice 567 nm, after decisions 203 and 204 (the declared base 449 and 765 nm); nothing was changed for these. On
-2026-12-01 910 nm: the first half of that run reaches 8 V, nothing of it says how what switches above stood before, so
-the state that it is given, and with it this figure, is chance; from a stage that was never driven it is 875 nm.""",
+2026-12-01 910 and 894 nm: the first half of that run reaches 8 V, nothing of it says how what switches above stood
+before, so the state that it is given, and with it this figure, is chance; from a stage that was never driven it is
+875 nm.""",
 }
 
 MEANING = {
