@@ -24,8 +24,8 @@ _RULES = "thesis", "equal_probability"
 _FEW_STEPS, _STEPS = 2, 40  # of the fit, before and after they leave less
 _LESS = 0.75
 """Share of the excess that nodes may leave which nobody declared: on stages simulated with them 0.0 to 0.6 after two
-steps, effects of 5 to 20 x beside them; on 22 others, of every family of the court, 0.97 and more. Runs of a skewed
-density that were shorter passed, too: what leaves less in the end, nodes or shapes, is the base."""
+steps, alone and beside a creep or a lag of 4 to 18 x; in 52 cases of all 13 wrong families of the court 0.91 and more.
+Runs of a skewed density that were shorter passed, too: what leaves less in the end, nodes or shapes, is the base."""
 
 
 def without_grain(found: Hypothesis, spacing: float) -> Hypothesis:

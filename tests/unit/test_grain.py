@@ -68,7 +68,7 @@ def test_another_gets_none(effect: Link | None) -> None:
 
 
 def test_an_effect_beside_nodes_is_named() -> None:
-    """A lattice leaves more than the effect, and nothing was named."""
+    """A creep beside the nodes of which a lattice leaves more than twice the noise, see the first test."""
     plant = with_effect(stage(Quadrature(**FIELDS)), CREEP)
     report = diagnose(*runs_of(plant), workers=IN_THIS_PROCESS)
     assert [effect.name for effect in report.effects] == ["slow_relaxation"]
