@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.compiling import OUTER
 from pzt_ros.physics.density import Density, Table
 from pzt_ros.physics.kinds import Kind
@@ -33,6 +34,13 @@ _STEP = 0.5
 
 MAX_POINTS = 384
 """Along an axis; it bounds a table to 28 MB where one spread is far below the other."""
+
+_FARTHEST = 250
+"""Steps from the middle to an end, at most.
+
+Where coercive fields are widened, interaction fields that grow with them are, too, and reach far beyond what MAX_POINTS
+has allowed for: a fit that came by there asked for 1 TiB (court, seed 1833).
+"""
 
 KEPT = 16
 """Tables: for four candidates that are refitted side by side, each with what its differences ask for."""
@@ -65,11 +73,20 @@ class Everett(NamedTuple):
 
 @functools.lru_cache(maxsize=KEPT)
 def everett(kinds: tuple[Kind, ...]) -> Everett:
-    """Tabulate the Everett function of some kinds of domains; a spread below 2 steps of the grid is widened."""
+    """Tabulate the Everett function of some kinds of domains; a spread below 2 steps of the grid is widened.
+
+    Raises:
+        BenchError: interaction fields grow so much with the coercive ones that no table holds both.
+    """
     narrowest = min(_sigma(density) for kind in kinds for density in (kind.coercive, kind.interaction))
     step = max(_STEP * narrowest, 2 * _reach(kinds) / MAX_POINTS)
     kinds = tuple(kind.widened(2 * step) for kind in kinds)
     half = math.ceil(_reach(kinds) / step)
+    if half > _FARTHEST:
+        raise BenchError(
+            f"front: domains switch at up to {_reach(kinds):.3g} V/m, too far for a table with steps of {step:.3g} V/m;"
+            " lower interaction_field_growth, or raise coercive_field, where that is far below its spread"
+        )
     points = 2 * half + 1
     barriers: Array = np.arange(4 * half + 1, dtype=np.float64) * (step / 4)
     fields: Array = np.arange(-4 * half, 4 * half + 1, dtype=np.float64) * (step / 4)

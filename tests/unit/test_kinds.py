@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from pzt_ros.errors import BenchError
 from pzt_ros.physics.chain import Chain
 from pzt_ros.physics.density import Bent, Gaussian, Table
 from pzt_ros.physics.front import Front
@@ -110,6 +111,16 @@ def test_a_table_may_be_wider_for_harder_domains_too() -> None:
     tabled = Front(interaction_density=table, **GROWING)
     assert distance(tabled, Front(**GROWING)) < 1e-3
     assert (tabled.has_formula, Front(**GROWING).has_formula) == (False, True)
+
+
+@pytest.mark.parametrize("field", [1e3, 3e4, 5e4])
+def test_fields_that_outgrow_every_table_are_refused_and_not_tabulated(field: float) -> None:
+    """A fit of a court's case came by there, and asked for a table of 1 TiB."""
+    grown = Front(
+        coercive_field=field, coercive_field_spread=2e11, interaction_field_spread=4e11, interaction_field_growth=1.0
+    )
+    with pytest.raises(BenchError, match=r"too far for a table .* lower interaction_field_growth"):
+        everett(grown.kinds)
 
 
 @pytest.mark.parametrize("shape", [(0.5, 0.3), (-0.6, -0.5), (1.2, 1.5), (0.3, -0.9), (-0.9, 2.0)])
