@@ -194,14 +194,15 @@ def test_the_report_says_how_well_the_operator_was_followed(session: Session) ->
 
 
 def test_a_session_ends_after_its_duration_and_poles_meanwhile(tmp_path: Path) -> None:
-    with GraphProcess(write(tmp_path, QUICK), tmp_path / "run", "--duration", "8") as graph:
+    longer = QUICK.replace("poling_hold: 0.2 s", "poling_hold: 3 s")  # so that a slow machine asks again meanwhile
+    with GraphProcess(write(tmp_path, longer), tmp_path / "run", "--duration", "12") as graph:
         with ForeignNode(graph.domain) as foreign:
             operator = Operator(foreign)
             operator.wait_until_ready()
             operator.enable()
             operator.wait_for("experiment", "phase", "hold")
-            assert operator.call("pole") == (True, "poling has begun and takes 0.8 s")
-            assert operator.call("pole")[1].startswith("cannot pole: the stage is being poled for another 0.")
+            assert operator.call("pole") == (True, "poling has begun and takes 3.6 s")
+            assert operator.call("pole")[1].startswith("cannot pole: the stage is being poled for another ")
             operator.say(trajectory(*MOVE))
             operator.wait_for("experiment", "phase", "hold")
             operator.run_for(0.1)
