@@ -44,7 +44,7 @@ class ForeignNode(Node):
         self.axis = axis
         self.health: dict[str, dict[str, str]] = {}
         self.estimates: list[dict[str, list[float]]] = []
-        self.position = float("nan")
+        self.time, self.position = -1.0, float("nan")
         self.trajectory = self.create_publisher(JointTrajectory, f"{axis}/joint_trajectory", QoSProfile(depth=10))
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, QoSProfile(depth=20))
         self.create_subscription(Float64MultiArray, f"{axis}/estimate", self.on_estimate, QoSProfile(depth=100))
@@ -58,6 +58,7 @@ class ForeignNode(Node):
         self.estimates.append(columns_of(message))
 
     def on_joint_state(self, message: JointState) -> None:
+        self.time = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         self.position = message.position[0]
 
     def wait(self, what: str, happened) -> None:
@@ -93,11 +94,13 @@ class ForeignNode(Node):
         return self.health.get(f"{self.axis}/{node}", {}).get(what)
 
     def move(self, position: float, seconds: int) -> None:
-        """A straight way from where the reference is now; wait until the stage is there."""
+        """A straight way from where the reference is now; wait until the stage is there, and its estimate heard."""
         point = JointTrajectoryPoint(positions=[position], time_from_start=Duration(sec=seconds))
         joint = self.axis.strip("/").replace("/", "_")
         self.trajectory.publish(JointTrajectory(joint_names=[joint], points=[point]))
         self.wait(f"not at {position} m", lambda: abs(self.position - position) < 0.1e-6)
+        measured = self.time
+        self.wait("no estimate of that time", lambda: self.estimates[-1]["time_s"][-1] > measured - 1e-6)
 
 
 def main() -> None:

@@ -23,6 +23,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Amplifier]]:
             running.append(Amplifier(tmp_path, foreign, domain, *options))
             assert running[0].enable() == (True, "amplifier enabled")
             foreign.spin_until(lambda: len(running[0].applied) == 1)
+            foreign.spin_until(lambda: running[0].state().get("state") == "enabled")  # said on another topic
             return running[0]
 
         try:
