@@ -27,8 +27,9 @@ from pzt_ros.sysid.run import Start, begun_ceramic
 from pzt_ros.sysid.thinning import thinned
 
 _STEP = 1e-3
-_AT_ONCE = 2  # columns of a tangent
+_AT_ONCE = 2  # runs, or columns of a tangent
 _FEWER = 0.25  # share of a run's samples that say the same of its drive, beyond which it turns at every few of them
+_HALF = 0.5  # share of its samples beyond which fewer are not worth it
 _REMEMBERED = 3  # evaluations
 _NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
 _FAR = 0.01  # so far apart, in coordinates, two places have to be for their differences to tell a slope
@@ -245,7 +246,8 @@ class DeclaredHysteresis:
         columns = np.zeros((voltage.size, len(of_run)))
         near = self._near(vector, number)  # with its substeps and spacing: a difference may not see them change
         time = self.records[number].time
-        kept = np.arange(time.size) if _turns_often(self.records[number], voltage) else thinned(time, voltage)
+        few = thinned(time, voltage)
+        kept = few if few.size < _HALF * time.size and not self._rough[number] else np.arange(time.size)
         here = self._run(near, vector, number, voltage, kept)
 
         def differentiate(column: int) -> None:
@@ -283,11 +285,11 @@ class DeclaredHysteresis:
         return []
 
     def _all(self, vector: Array, voltages: Sequence[Array]) -> list[Array]:
-        return [
-            self._run(self._near(vector, number), vector, number, voltage) + self._added(vector, number)
-            for number, voltage in enumerate(voltages)
-            if voltage.size
-        ]
+        def of_run(number: int) -> Array:
+            near = self._near(vector, number)
+            return self._run(near, vector, number, voltages[number]) + self._added(vector, number)
+
+        return side_by_side(of_run, [number for number, voltage in enumerate(voltages) if voltage.size], _AT_ONCE)
 
     def _added(self, vector: Array, number: int) -> Array | float:
         """What the model has beyond what is moved in its place [C/m^2]."""

@@ -16,6 +16,9 @@ from pzt_ros.physics.front_thresholds import everett_of
 from pzt_ros.physics.link import State
 from pzt_ros.quantities import parameter
 
+_NEAREST = 0.2
+"""Thermal widths between loops that count as one; of a chirp that makes dozens x+ is then up to 3e-5 off."""
+
 _shared_table = lru_cache(maxsize=1)(front_table)
 
 
@@ -43,7 +46,10 @@ class Front(Domains):
         bounds=(0.01, 10.0),
     )
     accuracy: float = parameter(
-        1e-6, "1", "as of the lattice; above 1e-4 long ramps are divided less", bounds=(1e-12, 1e-2)
+        1e-6,
+        "1",
+        "as of the lattice; above 1e-5 loops that nearly coincide are one, above 1e-4 long ramps are divided less",
+        bounds=(1e-12, 1e-2),
     )
 
     @cached_property
@@ -64,6 +70,7 @@ class Front(Domains):
             layer_thickness=self.layer_thickness,
             dead_band=self.dead_band,
             field_step=0.25 if self.accuracy <= 1e-4 else 1.0,
+            nearest=_NEAREST if self.accuracy > 1e-5 else 0.0,
         )
 
     def _virgin(self) -> State:

@@ -33,8 +33,10 @@ _ROOT_PI = math.sqrt(math.pi)
 
 FIRST, LAST = -12.0, 40.0
 PER_UNIT = 32
-LOW, HIGH, SHARE, REACH, SLOPE, BEND, CURVE, STEEPEN, RATE, LOG, LEAD, COLUMNS = map(np.int64, (*range(9), 12, 16, 20))
-"""Columns of the table over z, see `front_table`; four each of RATE, LOG and LEAD.
+LOW, HIGH, SHARE, REACH, SLOPE, BEND, CURVE, STEEPEN, RATE, ATTEMPTS, LOG, LEAD, COLUMNS = map(
+    np.int64, (*range(9), 12, 16, 20, 24)
+)
+"""Columns of the table over z, see `front_table`; four each of RATE, ATTEMPTS, LOG and LEAD.
 
 Numba compiles a function anew for each plain integer that it is called with, but not for these.
 """
@@ -63,17 +65,16 @@ unfolded = njit(**_WITHIN, inline="always")
 NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
 SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
 SHORT = 0.1  # climb of the field for which the rate is a parabola
-_GAUSS = tuple((float(x) / 2, float(w) / 2) for x, w in zip(*np.polynomial.legendre.leggauss(5), strict=True))
-"""Nodes from -1/2 to 1/2 and weights: for a climb of up to 1 d they do."""
+NEAR = 2e-3  # [d]; a step of Halley's after which the next would be below 1e-8
 _APART = 1e-8  # relative attempts of a front at another that do not count any more
 
 
 def front_table() -> Array:
-    """What depends on one z, for z = -12, -12 + 1/32, ... 40; shape (n, 20).
+    """What depends on one z, for z = -12, -12 + 1/32, ... 40; shape (n, 24).
 
-    RATE, LOG: p and ln Phi, as the coefficients of a cubic in the fraction of the way to the next row. SLOPE, BEND,
-    CURVE: p, p' and p'' over Phi; STEEPEN: 1 over the derivative of SLOPE. LEAD: the z of which the slope is S, a cubic
-    too, but in the rows of 2/S - S/2, which is nearly z.
+    RATE, ATTEMPTS, LOG: p, Phi and ln Phi, as the coefficients of a cubic in the fraction of the way to the next row.
+    SLOPE, BEND, CURVE: p, p' and p'' over Phi; STEEPEN: 1 over the derivative of SLOPE. LEAD: the z of which the slope
+    is S, a cubic too, but in the rows of 2/S - S/2, which is nearly z.
     LOW, HIGH, SHARE: a front with lead z stands for two hard ones, at u + LOW (this share of it) and u + HIGH. They are
     the Gauss rule for the distribution of hard fronts 1 - exp(-H): mean, width and skewness are right.
     REACH: how far ahead of u a front of lead z has made attempts that count.
@@ -104,6 +105,7 @@ def front_table() -> Array:
     table[:, SLOPE], table[:, BEND], table[:, CURVE] = slope, slope * growth, slope * growth2
     table[:, STEEPEN] = 1 / (slope * (growth - slope))
     table[:, RATE : RATE + 4] = _cubics(rate, rate * growth / PER_UNIT)
+    table[:, ATTEMPTS : ATTEMPTS + 4] = _cubics(np.exp(log_attempts), rate / PER_UNIT)
     table[:, LOG : LOG + 4] = _cubics(log_attempts, slope / PER_UNIT)
     lead = z.copy()
     for _ in range(20):  # Newton
@@ -208,6 +210,22 @@ def _log_attempts(table, z):  # type: ignore[no-untyped-def]
     return table[k, LOG] + t * (table[k, LOG + 1] + t * (table[k, LOG + 2] + t * table[k, LOG + 3]))
 
 
+@inlined
+def _attempts(table, z):  # type: ignore[no-untyped-def]
+    """Phi(z) from the table, to some 1e-5 of it, with its first and second derivative."""
+    k, t = row_of(table, z)
+    H = table[k, ATTEMPTS] + t * (table[k, ATTEMPTS + 1] + t * (table[k, ATTEMPTS + 2] + t * table[k, ATTEMPTS + 3]))
+    p = table[k, RATE] + t * (table[k, RATE + 1] + t * (table[k, RATE + 2] + t * table[k, RATE + 3]))
+    return H, p, p * (2.0 / _ROOT_PI * p - 2.0 * z)
+
+
+@inner
+def _attempts_beyond(z):  # type: ignore[no-untyped-def]
+    """The same for z of LAST and more: asymptotic, to 2e-7."""
+    p = _ROOT_PI * (z + 0.5 / z)
+    return _ROOT_PI / 2 * (math.log(2.0 * _ROOT_PI * z) + z * z), p, p * (2.0 / _ROOT_PI * p - 2.0 * z)
+
+
 @inner
 def _lead_of(table, slope):  # type: ignore[no-untyped-def]
     """The lead z with p(z)/Phi(z) = slope."""
@@ -244,67 +262,59 @@ def short_move(row, lead, more, fall, fall2):  # type: ignore[no-untyped-def]
     return y, change * (row.steepen + r * row.steepen_change)
 
 
-@inner
+@inlined
 def _piece(table, a, start, end, duration):  # type: ignore[no-untyped-def]
     """Attempts at the threshold a during a linear piece of field, and minus their first and second slope over a."""
     climb = end - start
-    z = 0.5 * (start + end) - a
     if abs(climb) < SHORT:
+        z = 0.5 * (start + end) - a
         return short_piece(_rate(table, z), z, climb, duration)
-    H, H1, H2 = 0.0, 0.0, 0.0
-    for node, weight in _GAUSS:
-        y = z + node * climb
-        p = _rate(table, y)
-        growth = 2.0 / _ROOT_PI * p - 2.0 * y
-        share = weight * duration * p
-        H += share
-        H1 += share * growth
-        H2 += share * (growth * (4.0 / _ROOT_PI * p - 2.0 * y) - 2.0)
-    return H, H1, H2
+    per_climb = duration / climb
+    z, z_0 = end - a, start - a
+    H, p, bend = _attempts_beyond(z) if z >= LAST else _attempts(table, z)
+    H_0, p_0, bend_0 = _attempts_beyond(z_0) if z_0 >= LAST else _attempts(table, z_0)
+    return per_climb * (H - H_0), per_climb * (p - p_0), per_climb * (bend - bend_0)
 
 
 @inner
 def move(table, u, lead, start, end, duration):  # type: ignore[no-untyped-def]
     """Position and lead of a front that moves up, after a linear piece of field."""
-    climb, relative = end - start, duration * PER_HALF
-    if abs(climb) < SHORT:
-        z = 0.5 * (start + end) - u
-        more, fall, fall2 = short_piece(_rate(table, z), z, climb, relative)
-    else:
-        more, fall, fall2 = _piece(table, u, start, end, relative)
+    relative = duration * PER_HALF
+    more, fall, fall2 = _piece(table, u, start, end, relative)
     if more < NO_ATTEMPTS:
         return u, lead
     if more > SMALL:
-        return _move_far(table, u, lead, start, end, duration, more, fall)
+        return _move_far(table, u, lead, start, end, relative, more, fall, fall2)
     ahead, change = short_move(slopes_at(table, lead), lead, more, fall, fall2)
     return u + ahead, lead + change
 
 
 @inner
-def _move_far(table, u, lead, start, end, duration, more, fall):  # type: ignore[no-untyped-def]
-    """The same by Newton's method on ln H, for pieces that move the front by much of its width or more."""
-    own = _log_attempts(table, lead)
+def _move_far(table, u, lead, start, end, relative, more, fall, fall2):  # type: ignore[no-untyped-def]
+    """The same by steps to the zero of ln H, for pieces that move the front by much of its width or more."""
+    H, slope, bend = _attempts(table, lead)
+    share = 1.0 / H
     low, high = u, max(u, start, end) + 12.0
-    k, t = row_of(table, lead)
-    a, H, S = u, 1.0 + more, entry(table, k, t, SLOPE) + fall
+    a, H, slope, bend = u, 1.0 + more, slope * share + fall, bend * share + fall2
     for _ in range(80):
-        ahead = math.log(H) * H / S
+        log, square = math.log(H), slope * slope
+        ahead = log * H / slope  # Newton's step; Halley's where that is near
+        if abs(log) < 1.0:
+            ahead *= square / max(square - 0.5 * log * (square - bend * H), 0.5 * square)
         if ahead > 0.0:
             low = a
         else:
             high = a
         a += ahead
-        if abs(ahead) < 1e-7:
+        if abs(ahead) < NEAR:
+            slope -= bend * ahead
             break
         if not low < a < high:
             a = 0.5 * (low + high)
-        more, fall, _ = _piece(table, a, start, end, duration)
-        z = lead - (a - u)
-        old = exponential(_log_attempts(table, z) - own)
-        k, t = row_of(table, z)
-        H = max(more / HALF + old, 1e-290)
-        S = max(fall / HALF + old * entry(table, k, t, SLOPE), 1e-290)
-    return a, _lead_of(table, S)
+        more, fall, fall2 = _piece(table, a, start, end, relative)
+        H, slope, bend = _attempts(table, lead - (a - u))
+        H, slope, bend = max(more + H * share, 1e-290), max(fall + slope * share, 1e-290), fall2 + bend * share
+    return a, _lead_of(table, slope)
 
 
 @inner
@@ -320,26 +330,20 @@ def merge(table, u, lead, v, lead_v):  # type: ignore[no-untyped-def]
     It is what makes loops close softly: where a front comes back to where it turned, domains just beyond have had half
     of their attempts already. A hard maximum of both is 0.2 to 0.8 d short there.
     """
-    own, other = _log_attempts(table, lead), _log_attempts(table, lead_v)
-    a = max(u, v)
-    slope = 0.0
+    share, share_v = 1.0 / _attempts(table, lead)[0], 1.0 / _attempts(table, lead_v)[0]
+    a, slope = max(u, v), 0.0
     for _ in range(30):
-        y, w = lead - (a - u), lead_v - (a - v)
-        first, second = _log_attempts(table, y) - own, _log_attempts(table, w) - other
-        H, H_v = exponential(first), exponential(second)
+        (H, p, bend), (H_v, p_v, bend_v) = _attempts(table, lead - (a - u)), _attempts(table, lead_v - (a - v))
+        H, H_v = H * share, H_v * share_v
         if H < _APART:
             return v, lead_v
         if H_v < _APART:
             return u, lead
-        k, t = row_of(table, y)
-        m, r = row_of(table, w)
-        both = H + H_v
-        slope = H * entry(table, k, t, SLOPE) + H_v * entry(table, m, r, SLOPE)
-        bend = H * entry(table, k, t, BEND) + H_v * entry(table, m, r, BEND)
-        ahead = math.log(both) * both / slope  # Newton's step, to the zero of the logarithm; then Halley's
-        ahead /= 1.0 - 0.5 * ahead * (slope / both - bend / slope)
+        both, slope, bend = H + H_v, p * share + p_v * share_v, bend * share + bend_v * share_v
+        log = math.log(both)  # its zero by Halley's step
+        ahead = log * both * slope / (slope * slope - 0.5 * log * (slope * slope - bend * both))
         a += ahead
         slope -= bend * ahead
-        if abs(ahead) < 2e-3:  # the next would be below 1e-8
+        if abs(ahead) < NEAR:
             break
     return a, _lead_of(table, slope)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pzt_ros.physics.front_kinetics import REACH, entry, inner, merge, relative_attempts, row_of, unfolded
+from pzt_ros.physics.front_kinetics import REACH, entry, inlined, inner, merge, relative_attempts, row_of, unfolded
 from pzt_ros.physics.front_shares import Fronts, between, everett, leg, places
 from pzt_ros.physics.front_tables import LOWER, UPPER
 from pzt_ros.physics.signals import Array
@@ -28,7 +28,8 @@ LEADS, SUM, STATE_SIZE = HEAD + TURNS, HEAD + 2 * TURNS, HEAD + 3 * TURNS
 FAR = 1e6  # [d]; where the turning point before the virgin state lies
 _CLOSED = 1.2  # relative attempts of a turning point at a leader that has reached it
 _ROOM = 30.0  # [d]; a new leader this far back has not moved at all
-_SAME = 1e-12  # of x+
+_NEXT = 0.1  # [d]; most give way by less as they begin to lead
+_SAME = 1e-11  # of x+
 
 
 def virgin(fr: Fronts, all_up: bool) -> Array:
@@ -115,25 +116,25 @@ def close(state, fr, field):  # type: ignore[no-untyped-def]
 
 @inner
 def _settle(state, fr, field, x, far, far_lead):  # type: ignore[no-untyped-def]
-    """Move the leader towards `far` until turned x+ is what it was, by regula falsi (Illinois)."""
+    """Move the leader towards `far` until turned x+ is what it was (Illinois); whether it comes about on the way."""
     s = state[DIRECTION]
     near, near_lead = state[LEADER], state[LEAD]
     low, low_miss = 0.0, s * fraction(state, fr, field) - x
     if abs(low_miss) < _SAME:
-        return
+        return True
     _place(state, far, far_lead, field)
     high, high_miss = 1.0, s * fraction(state, fr, field) - x
     if low_miss * high_miss > 0.0:  # hardly anything depends on where the leader is
         if abs(low_miss) < abs(high_miss):
             _place(state, near, near_lead, field)
-        return
+        return False
     side = 0.0  # on which the last trial fell
     for _ in range(60):
         share = low + (high - low) * low_miss / (low_miss - high_miss)
         _place(state, near + share * (far - near), near_lead + share * (far_lead - near_lead), field)
         miss = s * fraction(state, fr, field) - x
         if abs(miss) < _SAME:
-            return
+            break
         if miss * low_miss > 0.0:
             low, low_miss = share, miss
             high_miss *= 0.5 if side < 0.0 else 1.0  # an end that stays twice holds the trials back
@@ -142,6 +143,7 @@ def _settle(state, fr, field, x, far, far_lead):  # type: ignore[no-untyped-def]
             high, high_miss = share, miss
             low_miss *= 0.5 if side > 0.0 else 1.0
             side = 1.0
+    return True
 
 
 @inner
@@ -167,12 +169,44 @@ def turn(state, fr, field):  # type: ignore[no-untyped-def]
     total += leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
     state[HEAD + n], state[LEADS + n], state[SUM + n] = s * u, lead, total
     state[DEPTH] = n + 1
+    _thin_out(state, fr.nearest)
     state[DIRECTION] = -s
     state[SLAVED] = 1.0
     leader, lead = -state[FOLLOWER], state[FOLLOWER_LEAD]
     _place(state, leader, lead, -field)
     # as a leader it merges with the turning points that it comes near to; it did not as a follower
-    _settle(state, fr, -field, -s * x, leader - _ROOM, lead)
+    if not _settle(state, fr, -field, -s * x, leader - _NEXT, lead):
+        _place(state, leader, lead, -field)
+        _settle(state, fr, -field, -s * x, leader - _ROOM, lead)
+
+
+@inner
+def _thin_out(state, nearest):  # type: ignore[no-untyped-def]
+    """Take a loop out wherever it is nearly the next one outside: both ends are no further apart than `nearest` [d].
+
+    What is lost is the share of a rectangle with such sides. Else a chirp, whose loops come to lie closer and closer,
+    has every sample merge with a dozen of them.
+    """
+    kept = n = int(state[DEPTH])
+    for k in range(3, n):
+        kept = k if k == 3 else kept + 1
+        _move(state, k, kept)
+        if kept > 4 and _are_near(state, kept, nearest) and _are_near(state, kept - 1, nearest):
+            kept -= 2
+            _move(state, k, kept)
+    _forget(state, min(kept + 1, n))
+
+
+@inlined
+def _are_near(state, k, nearest):  # type: ignore[no-untyped-def]
+    """Whether a turning point is near the one before it on the same side."""
+    return abs(state[HEAD + k] - state[HEAD + k - 2]) < nearest
+
+
+@inlined
+def _move(state, k, to):  # type: ignore[no-untyped-def]
+    """Move what is kept of a turning point to another place."""
+    state[HEAD + to], state[LEADS + to], state[SUM + to] = state[HEAD + k], state[LEADS + k], state[SUM + k]
 
 
 @inner

@@ -35,6 +35,7 @@ class Fronts(NamedTuple):
         layer_thickness: [m].
         dead_band: [d].
         field_step: longest substep [d].
+        nearest: loops with both ends closer than this are one [d].
     """
 
     table: Array
@@ -49,6 +50,7 @@ class Fronts(NamedTuple):
     layer_thickness: float
     dead_band: float
     field_step: float
+    nearest: float
 
 
 @inlined

@@ -6,13 +6,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numba import njit
 from scipy import integrate, special
 
 from pzt_ros.errors import BenchError
 from pzt_ros.physics import front_memory as kernel
 from pzt_ros.physics.density import Gaussian, Table
 from pzt_ros.physics.front import Front
-from pzt_ros.physics.front_kinetics import attempts
+from pzt_ros.physics.front_kinetics import LAST, _piece, attempts, front_table
 from pzt_ros.physics.front_tables import LOWER, TRIANGLE, UPPER, everett
 from pzt_ros.physics.kinds import Kind
 from pzt_ros.physics.lattice import Lattice
@@ -232,6 +233,52 @@ def test_rest_voltage_is_reached_slowly():
     resting = FRONT.init(Rest(time=2.0, voltage=70.0))
     expected, _ = FRONT.step(FRONT.init(Rest(time=-5.0)), Signals(time=np.array([2.0]), voltage=np.array([70.0])))
     assert np.array_equal(resting, expected)
+
+
+def chirp() -> Signals:
+    """Up to 1.5 MV/m, then about half of that by 1.3 thermal widths at 5 to 250 Hz: each loop lies within the last."""
+    time = np.arange(1, 10_001) / 10e3
+    width = FRONT.thermal_width * FRONT.layer_thickness
+    swing = 75.0 + 1.3 * width * np.sin(2 * np.pi * (5.0 * time + 122.5 * time**2))
+    return Signals(time=np.append([0.05, 0.1], 0.1 + time), voltage=np.append([150.0, 75.0], swing))
+
+
+def test_loops_that_nearly_coincide_are_one_where_little_is_asked():
+    """They are a dozen with which each sample merges; what they add is far below what was asked for."""
+    ends, shares = {}, {}
+    for accuracy in (1e-6, 1e-4):
+        model = Front(accuracy=accuracy)
+        state, out = model.step(model.init(Rest()), chirp())
+        ends[accuracy], shares[accuracy] = state[kernel.DEPTH], out.phase_fraction
+    assert ends[1e-4] < 0.5 * ends[1e-6]
+    assert np.max(np.abs(shares[1e-4] - shares[1e-6])) < 5e-5
+
+
+@njit
+def pieces(table, begin, climb):  # type: ignore[no-untyped-def]
+    """Attempts in a linear piece of field, and minus their slopes, at one threshold."""
+    return _piece(table, 0.0, begin, begin + climb, 1.0)
+
+
+@pytest.mark.parametrize("begin", [-6.0, -1.0, 0.5, 39.0, 60.0])
+@pytest.mark.parametrize("climb", [0.05, 0.3, 5.0, -0.3, -40.0])
+def test_a_piece_of_field_is_the_integral_of_the_rate(begin, climb):
+    """However long it is; half of it of the thresholds beside tells the slopes."""
+    table = front_table()
+
+    def rate(z: float) -> float:
+        return float(1.0 / special.erfcx(z))
+
+    ends = sorted((begin, begin + climb))
+    expected = integrate.quad(rate, *ends, limit=400, points=[p for p in (-3.0, 0.0) if ends[0] < p < ends[1]])[0]
+    found, slope, bend = pieces(table, begin, climb)
+    size = abs(climb)
+    assert found == pytest.approx(expected / size, rel=3e-5)
+    assert slope == pytest.approx((rate(begin + climb) - rate(begin)) / climb, rel=1e-3, abs=1e-9)
+    if ends[1] >= LAST:
+        return  # there the rate is a straight line, its second derivative a difference of what is nearly the same
+    up, down = pieces(table, begin + 1e-3, climb)[1], pieces(table, begin - 1e-3, climb)[1]
+    assert bend == pytest.approx((up - down) / 2e-3, rel=2e-2, abs=1e-6)
 
 
 def test_memory_of_more_loops_than_fit():
