@@ -397,6 +397,7 @@ def test_hum_keeps_its_phase_to_each_run_and_is_found_beside_lost_readings(tmp_p
     assert after < 1.15 * NOISE
 
 
+@pytest.mark.long
 def test_an_effect_outside_the_library_is_not_named() -> None:
     report = diagnose([run(1, "backlash")], [run(3, "backlash")], declared())
     assert report.before.test > 2.0 * NOISE

@@ -67,6 +67,7 @@ def test_another_gets_none(effect: Link | None) -> None:
     assert with_nodes(fine) is fine
 
 
+@pytest.mark.long
 def test_an_effect_beside_nodes_is_named() -> None:
     """A creep beside the nodes of which a lattice leaves more than twice the noise, see the first test."""
     plant = with_effect(stage(Quadrature(**FIELDS)), CREEP)

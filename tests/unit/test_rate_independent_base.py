@@ -60,12 +60,12 @@ def test_stronger_priors_leave_the_weaker_one_as_it_was() -> None:
 @pytest.mark.parametrize(
     ("spec", "names", "link", "density"),
     [
-        (NULL, [], Preisach, "identified"),
+        pytest.param(NULL, [], Preisach, "identified", marks=pytest.mark.long),
         pytest.param(dataclasses.replace(NULL, declared=False), [], Preisach, "identified", marks=pytest.mark.long),
         pytest.param(
             dataclasses.replace(HUM, declared=False), ["mains_hum"], Preisach, "identified", marks=pytest.mark.long
         ),
-        (dataclasses.replace(NULL, family="bouc_wen"), [], BoucWen, "none"),
+        pytest.param(dataclasses.replace(NULL, family="bouc_wen"), [], BoucWen, "none", marks=pytest.mark.long),
         (dataclasses.replace(HUM, family="maxwell_slip"), ["mains_hum"], BoucWen, "none"),
         pytest.param(
             dataclasses.replace(HUM, family="maxwell_slip", declared=False),

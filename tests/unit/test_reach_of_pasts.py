@@ -125,6 +125,7 @@ def test_an_uncut_run_has_all_its_samples_again() -> None:
         assert (SCORE in run.picks) == (SELECTION in run.picks)
 
 
+@pytest.mark.long
 def test_an_effect_is_named_beside_a_past_of_many_reversals() -> None:
     """Of such stages with a creep, a lag or a curve three of five were "something is missing", after minutes."""
     runs = runs_of(CREEPS)
