@@ -47,7 +47,7 @@ class ForeignNode(Node):
         self.time, self.position = -1.0, float("nan")
         self.trajectory = self.create_publisher(JointTrajectory, f"{axis}/joint_trajectory", QoSProfile(depth=10))
         self.create_subscription(DiagnosticArray, "/diagnostics", self.on_diagnostics, QoSProfile(depth=20))
-        self.create_subscription(Float64MultiArray, f"{axis}/estimate", self.on_estimate, QoSProfile(depth=100))
+        self.create_subscription(Float64MultiArray, f"{axis}/estimate", self.on_estimate, QoSProfile(depth=1000))
         self.create_subscription(JointState, f"{axis}/joint_states", self.on_joint_state, QoSProfile(depth=10))
 
     def on_diagnostics(self, message: DiagnosticArray) -> None:

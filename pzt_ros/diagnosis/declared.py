@@ -16,6 +16,7 @@ from pzt_ros.diagnosis.hysteresis import Hysteresis
 from pzt_ros.errors import BenchError
 from pzt_ros.parallel import side_by_side
 from pzt_ros.physics.ferroelectric import Ferroelectric
+from pzt_ros.physics.front import Front
 from pzt_ros.physics.lattice import Lattice
 from pzt_ros.physics.polycrystal import Polycrystal
 from pzt_ros.physics.signals import Array, Signals
@@ -29,7 +30,7 @@ from pzt_ros.sysid.thinning import thinned
 _STEP = 1e-3
 _AT_ONCE = 2  # runs, or columns of a tangent
 _FEWER = 0.25  # share of a run's samples that say the same of its drive, beyond which it turns at every few of them
-_HALF = 0.5  # share of its samples beyond which fewer are not worth it
+_HALF = 0.5  # the same for columns of the front model, which tells them as well at fewer
 _REMEMBERED = 3  # evaluations
 _NEAR = 0.01  # so far off, in coordinates and of the drive's span, a tangent still serves to search along
 _FAR = 0.01  # so far apart, in coordinates, two places have to be for their differences to tell a slope
@@ -246,8 +247,8 @@ class DeclaredHysteresis:
         columns = np.zeros((voltage.size, len(of_run)))
         near = self._near(vector, number)  # with its substeps and spacing: a difference may not see them change
         time = self.records[number].time
-        few = thinned(time, voltage)
-        kept = few if few.size < _HALF * time.size and not self._rough[number] else np.arange(time.size)
+        few, most = thinned(time, voltage), _HALF if isinstance(near, Front) else _FEWER
+        kept = few if few.size <= most * time.size else np.arange(time.size)
         here = self._run(near, vector, number, voltage, kept)
 
         def differentiate(column: int) -> None:
