@@ -65,7 +65,7 @@ unfolded = njit(**_WITHIN, inline="always")
 NO_ATTEMPTS = 1e-12  # of a piece: the front does not move
 SMALL = 0.1  # relative attempts of a piece for which an expansion to third order will do
 SHORT = 0.1  # climb of the field for which the rate is a parabola
-NEAR = 2e-3  # [d]; a step of Halley's after which the next would be below 1e-8
+_NEAR = 2e-3  # [d]; a step of Halley's after which the next would be below 1e-8
 _APART = 1e-8  # relative attempts of a front at another that do not count any more
 
 
@@ -306,7 +306,7 @@ def _move_far(table, u, lead, start, end, relative, more, fall, fall2):  # type:
         else:
             high = a
         a += ahead
-        if abs(ahead) < NEAR:
+        if abs(ahead) < _NEAR:
             slope -= bend * ahead
             break
         if not low < a < high:
@@ -344,6 +344,6 @@ def merge(table, u, lead, v, lead_v):  # type: ignore[no-untyped-def]
         ahead = log * both * slope / (slope * slope - 0.5 * log * (slope * slope - bend * both))
         a += ahead
         slope -= bend * ahead
-        if abs(ahead) < NEAR:
+        if abs(ahead) < _NEAR:
             break
     return a, _lead_of(table, slope)

@@ -169,7 +169,8 @@ def turn(state, fr, field):  # type: ignore[no-untyped-def]
     total += leg(fr, n, s, u, lead, s * state[HEAD + n - 1], state[LEADS + n - 1])
     state[HEAD + n], state[LEADS + n], state[SUM + n] = s * u, lead, total
     state[DEPTH] = n + 1
-    _thin_out(state, fr.nearest)
+    if fr.nearest > 0.0:
+        _thin_out(state, fr.nearest)
     state[DIRECTION] = -s
     state[SLAVED] = 1.0
     leader, lead = -state[FOLLOWER], state[FOLLOWER_LEAD]
@@ -187,14 +188,15 @@ def _thin_out(state, nearest):  # type: ignore[no-untyped-def]
     What is lost is the share of a rectangle with such sides. Else a chirp, whose loops come to lie closer and closer,
     has every sample merge with a dozen of them.
     """
-    kept = n = int(state[DEPTH])
+    n = int(state[DEPTH])
+    kept = min(n, 3)  # how many; the first three belong to the way from the virgin state
     for k in range(3, n):
-        kept = k if k == 3 else kept + 1
         _move(state, k, kept)
         if kept > 4 and _are_near(state, kept, nearest) and _are_near(state, kept - 1, nearest):
             kept -= 2
             _move(state, k, kept)
-    _forget(state, min(kept + 1, n))
+        kept += 1
+    _forget(state, kept)
 
 
 @inlined

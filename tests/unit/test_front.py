@@ -263,7 +263,7 @@ def pieces(table, begin, climb):  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize("begin", [-6.0, -1.0, 0.5, 39.0, 60.0])
 @pytest.mark.parametrize("climb", [0.05, 0.3, 5.0, -0.3, -40.0])
 def test_a_piece_of_field_is_the_integral_of_the_rate(begin, climb):
-    """However long it is; half of it of the thresholds beside tells the slopes."""
+    """However long it is; its slopes are those of the rate at its ends, and of thresholds beside."""
     table = front_table()
 
     def rate(z: float) -> float:
